@@ -53,7 +53,8 @@ pub(super) fn read_effects(
             }
         }
     }
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> =
+        effects::LIST.iter().filter_map(|effect| empty(toml, table, *effect, &settings)).collect();
     for effect in effects::LIST.iter().filter(|e| settings.has(e.id())) {
         let line = table.get(effect.id()).map(|t| toml.line(t.span()));
         warnings.extend(
@@ -63,6 +64,17 @@ pub(super) fn read_effects(
         );
     }
     Ok((settings, warnings))
+}
+
+/// What is worth saying of a table in which nothing stands and which does nothing so.
+fn empty(toml: &TomlText, table: &DeTable, effect: &dyn Effect, settings: &Settings) -> Option<String> {
+    let entry = table.get(effect.id())?;
+    let is_empty = entry.get_ref().as_table()?.iter().next().is_none();
+    (is_empty && settings.is_neutral(effect.id(), effect.specs())).then(|| {
+        let line = toml.line(entry.span());
+        let names: Vec<&str> = effect.specs().iter().map(|s| s.name).collect();
+        format!("line {line}: [{}] is empty and changes nothing; it takes {}", effect.id(), names.join(", "))
+    })
 }
 
 fn read_parameter(
@@ -150,5 +162,21 @@ mod tests {
             );
             assert!(error.starts_with(&want), "{error}");
         }
+    }
+
+    #[test]
+    fn a_table_without_anything_in_it_is_told() {
+        let warnings = |text: &str| {
+            let toml = TomlText::new(Path::new("camera.toml"), text);
+            read_effects(&toml, &toml.parse().expect("TOML"), 0.04).expect("allowed").1
+        };
+        let said = warnings("[read_noise]\nsigma = 0.01\n[motion_blur]\n");
+        let want = "line 3: [motion_blur] is empty and changes nothing; it takes exposure_time_s";
+        assert!(said.len() == 1 && said[0].starts_with(want), "{said:?}");
+        assert!(warnings("[motion_blur]\nexposure_time_s = 0.01\n").is_empty(), "control");
+        assert!(
+            warnings("[motion_blur]\nexposure_time_s = 0\n").is_empty(),
+            "somebody has said that it is zero"
+        );
     }
 }

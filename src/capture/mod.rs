@@ -197,11 +197,19 @@ fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Resul
 /// the period. Up to a hundredth is the jitter of recorded stamps.
 pub fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String> {
     let closest_s = frames.windows(2).map(|pair| pair[1].start_s - pair[0].start_s).min_by(f64::total_cmp)?;
-    if closest_s >= 0.99 * frame_period_s {
-        return None;
+    if closest_s < 0.99 * frame_period_s {
+        let hint = units::of_spacing(closest_s, frame_period_s);
+        return Some(format!(
+            "frames are as near as {closest_s} s, but frame_period_s = {frame_period_s} s{hint}"
+        ));
     }
-    let hint = units::of_spacing(closest_s, frame_period_s);
-    Some(format!("frames are as near as {closest_s} s, but frame_period_s = {frame_period_s} s{hint}"))
+    // A frame that is missing here or there is no wonder. That no two follow each other is.
+    (frames.len() > 2 && closest_s > 1.5 * frame_period_s).then(|| {
+        format!(
+            "no frame follows another in less than {closest_s:.4} s, but frame_period_s = {frame_period_s} s: true \
+             only if frames between them were left out everywhere"
+        )
+    })
 }
 
 /// Refuses a folder that is no capture, naming all that it lacks at once.

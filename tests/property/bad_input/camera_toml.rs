@@ -173,6 +173,23 @@ fn cameras_that_are_odd_but_possible_are_read_with_a_warning() {
     fixture.write("camera.toml", CAMERA.replace("0.04", "40"));
     let warnings = fixture.read().expect("allowed").camera.warnings;
     assert_eq!(warnings, ["frames are as near as 0.04 s, but frame_period_s = 40 s; is the period in ms?"]);
+    let third = CAMERA.replace("0.04", "0.0133").replace("readout_time_s = 0.02", "readout_time_s = 0.01");
+    fixture.write("camera.toml", third);
+    let stamps = |count: u64| {
+        (0..count)
+            .map(|i| format!("{},{i:06}.png\n", 1_700_000_000_000_000_000 + i * 40_000_000))
+            .collect::<String>()
+    };
+    let warnings = |count: u64| {
+        fixture.write("frames.csv", format!("#timestamp [ns],filename\n{}", stamps(count)));
+        fixture.read().expect("allowed").camera.warnings
+    };
+    assert!(
+        warnings(3)[0].starts_with("no frame follows another in less than 0.0400 s"),
+        "{:?}",
+        warnings(3)
+    );
+    assert!(warnings(2).is_empty(), "control: one frame may have been left out");
 }
 
 #[test]

@@ -68,8 +68,8 @@ pub(super) fn has_rays(settings: &Settings, intrinsics: &Intrinsics) -> bool {
     Lens::new(intrinsics, LensDistortion::distortion(settings)).is_ok()
 }
 
-/// Draws what case `case` hides. `known` are the effects that its camera.toml models. Strengths are drawn anew until they
-/// fit.
+/// Draws what case `case` hides. `known` are the effects that its camera.toml models. Strengths are drawn anew until
+/// they fit.
 ///
 /// # Errors
 /// None in practice: all strengths lie within their effects' ranges (tested).

@@ -38,9 +38,9 @@ impl Search<'_> {
         }
         watch.step("noise");
         if in_time(self.noise_and_rest(found))?.is_none() {
-            let noises: Vec<_> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
-            noises.into_iter().filter(|n| !found.set.contains(n)).for_each(|n| found.late.push(n));
-            found.late.dedup();
+            let open = |n: &&str| self.names.contains(n) && !found.set.contains(n);
+            let noises: Vec<_> = NOISES.into_iter().filter(open).collect();
+            noises.into_iter().for_each(|n| found.is_late(n));
             found.residue = Residue::unseen();
             found.leave_out(REST);
         }

@@ -271,12 +271,25 @@ fn reported(
     let odd = in_time(search.odd_frames(found))?;
     setup_checks::begin(&mut report, set_up, evidence, (found, odd));
     report.warnings.extend(crate::diagnose::expect::light::said(&search.forward.light));
+    report.warnings.extend(masked(given, report.input.compared_share));
     if given.pair.is_none() {
         report.warnings.extend(not_simulated(given.capture));
         report.warnings.extend(uncontrolled(&given.capture.camera.settings));
     }
     report.input.device = given.device();
     Ok(report)
+}
+
+/// Of masks that leave little: in somebody else's tool white may be what is left out.
+fn masked(given: &Given<'_>, share: f64) -> Option<String> {
+    let masks = given.capture.root.join("mask");
+    (share < MOST_COMPARED && masks.is_dir()).then(|| {
+        format!(
+            "{:.0} % of the picture was compared: in {} 0 is what is left out; is it white there?",
+            100.0 * share,
+            masks.display()
+        )
+    })
 }
 
 /// The given camera with the effects found.

@@ -150,8 +150,7 @@ fn cut_short(report: &Report, found: &Found) -> String {
         [] => String::new(),
         _ => format!(" {names} were not looked at, and nothing is said of them."),
     };
-    let rendered =
-        if found.is_coarse() { " from a render of few samples a pixel, which is off by itself" } else { "" };
+    let rendered = if found.is_coarse() { " in a coarse comparison, which is off by itself" } else { "" };
     format!(
         "The frames differ by {:.2} DN{rendered}, and the time limit came before the search had ended.{so_far}{unseen} \
          Run again with a longer --time-limit-s.",
