@@ -272,6 +272,11 @@ fn reported(
     setup_checks::begin(&mut report, set_up, evidence, (found, odd));
     report.warnings.extend(crate::diagnose::expect::light::said(&search.forward.light));
     report.warnings.extend(masked(given, report.input.compared_share));
+    if given.pair.is_some() {
+        report
+            .warnings
+            .extend(in_time(setup_checks::noise::of_simulation(search, found, evidence))?.flatten());
+    }
     if given.pair.is_none() {
         report.warnings.extend(not_simulated(given.capture));
         report.warnings.extend(uncontrolled(&given.capture.camera.settings));

@@ -3,6 +3,7 @@
 //! looked for before, on small pictures of every real frame and of its simulation, and said first.
 
 mod geometry;
+pub(super) mod noise;
 mod order;
 mod thumbs;
 mod values;
