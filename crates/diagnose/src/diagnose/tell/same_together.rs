@@ -8,6 +8,9 @@ use shutterbug::effects::LIST;
 /// What to film to tell them apart.
 pub(super) const FILM: &str = "frames with the lens capped: a black level is there still, a glare is not";
 
+/// The most that a black level may be.
+const MOST_OFFSET: f64 = 0.9;
+
 /// A glare scales light and adds some, (1 - veil) L + veil level. So do a gain g and a black level b,
 /// (1 - b) g L + b. Nothing where an effect of the `set` lies between the two, for it would tell them apart, or where
 /// one of them is in the set already.
@@ -17,7 +20,7 @@ pub(super) fn same_together(name: &str, set: &[&str], parameters: &BTreeMap<Stri
     let [from, to] = ["glare", "black_level"].map(place);
     let between = set.iter().any(|other| *other != name && (from..=to).contains(&place(other)));
     let offset = veil * level;
-    if name != "glare" || between || offset >= 1.0 {
+    if name != "glare" || between || offset > MOST_OFFSET {
         return Together::new();
     }
     let one = |effect: &str, key: &str, value| (effect.to_owned(), [(key.to_owned(), value)].into());

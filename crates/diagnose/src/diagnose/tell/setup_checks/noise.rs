@@ -64,7 +64,9 @@ fn of_both(pairs: &[(&Plane<f32>, &Plane<f32>)]) -> f64 {
 fn sums(real: &Plane<f32>, simulated: &Plane<f32>) -> Vec<[f64; 3]> {
     let (across, down) = (real.width / PLACE_PX, real.height / PLACE_PX);
     let mut out = vec![[0.0; 3]; across * down];
-    for (x, y) in (0..down * PLACE_PX).flat_map(|y| (1..across * PLACE_PX - 1).map(move |x| (x, y))) {
+    for (x, y) in
+        (0..down * PLACE_PX).flat_map(|y| (1..(across * PLACE_PX).saturating_sub(1)).map(move |x| (x, y)))
+    {
         let green = |plane: &Plane<f32>, x: usize| f64::from(plane.data[3 * (y * plane.width + x) + 1]);
         let above = |plane: &Plane<f32>| green(plane, x) - 0.5 * (green(plane, x - 1) + green(plane, x + 1));
         let s = above(simulated);
