@@ -8,7 +8,9 @@
 
 use glam::{DVec2, DVec3};
 
+use super::lens::{bounds, normalised};
 use super::{Distortion, Lens};
+use crate::camera::Intrinsics;
 
 /// How much more than the picture's furthest ray the model is followed, where it can be.
 const REACH: (f64, f64) = (1.25, 0.1);
@@ -30,6 +32,11 @@ pub struct ExtendedLens {
     /// Outer radius of each ring, and the largest second derivative in it.
     rings: Vec<(f64, f64)>,
     stretch: f64,
+}
+
+/// Ideal radius of the furthest of some ideal points (px), focal lengths.
+fn furthest(k: &Intrinsics, points_px: &[DVec2]) -> f64 {
+    points_px.iter().map(|px| normalised(k, *px).length()).fold(0.0, f64::max)
 }
 
 /// How far from what is `seen` to `reach` a lens may be followed before it is [`STEEPER`].
@@ -54,18 +61,15 @@ impl ExtendedLens {
     /// Continues a lens beyond the picture's rays.
     pub fn new(lens: Lens) -> Self {
         let k = *lens.intrinsics();
-        let (low, high) = lens.ideal_bounds_px();
-        let corners = [low, high, DVec2::new(low.x, high.y), DVec2::new(high.x, low.y)];
-        let needed = corners
-            .map(|px| DVec2::new((px.x - k.cx) / k.fx, (px.y - k.cy) / k.fy).length())
-            .into_iter()
-            .fold(0.0, f64::max);
+        let seen = lens.ideal_border_px();
+        let (low, high) = bounds(&seen);
+        let needed = furthest(&k, &[low, high, DVec2::new(low.x, high.y), DVec2::new(high.x, low.y)]);
         let fold = lens.max_ideal_radius();
         let wanted = REACH.0 * needed + REACH.1;
         // The bounds' corners may lie beyond what the picture shows, and beyond the fold.
         let radius = if needed < fold {
             let reach = wanted.min(needed + BEFORE_FOLD * (fold - needed));
-            before_steeper(lens.distortion(), lens.furthest_ray(), reach)
+            before_steeper(lens.distortion(), furthest(&k, &seen), reach)
         } else {
             fold
         };
@@ -156,7 +160,6 @@ impl ExtendedLens {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Intrinsics;
 
     const K: Intrinsics = Intrinsics { width: 320, height: 240, fx: 280.0, fy: 276.0, cx: 161.0, cy: 118.0 };
 
@@ -211,7 +214,7 @@ mod tests {
     fn a_lens_is_not_followed_towards_its_pole() {
         let extended = ExtendedLens::new(Lens::new(K, POLE).expect("invertible"));
         let slope = |r: f64| (POLE.distort_with_jacobian(DVec2::X * r).1 * DVec2::X).length();
-        let (seen, followed) = (extended.lens().furthest_ray(), extended.radius());
+        let (seen, followed) = (furthest(&K, &extended.lens().ideal_border_px()), extended.radius());
         assert!((0.39..0.41).contains(&seen) && followed > seen, "{seen} {followed}");
         assert!(slope(followed) <= 1.2 * STEEPER * slope(seen), "{followed}: {}", slope(followed));
         let towards = seen + BEFORE_FOLD * (0.577 - seen);

@@ -92,19 +92,14 @@ impl Lens {
     /// The rectangle of ideal points that the picture shows: smallest and largest x and y, px. What a pinhole render
     /// must cover.
     pub fn ideal_bounds_px(&self) -> (DVec2, DVec2) {
-        let steps = self.intrinsics.width.max(self.intrinsics.height) as usize;
-        let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        border(&self.intrinsics, steps).iter().fold(start, |(low, high), px| {
-            let ideal = self.undistort_px(*px).expect("every pixel has a ray, `new` has checked");
-            (low.min(ideal), high.max(ideal))
-        })
+        bounds(&self.ideal_border_px())
     }
 
-    /// Ideal radius of the ray furthest from the axis that the picture shows, focal lengths.
-    pub fn furthest_ray(&self) -> f64 {
+    /// Ideal points of the picture's border, px.
+    pub(super) fn ideal_border_px(&self) -> Vec<DVec2> {
         let steps = self.intrinsics.width.max(self.intrinsics.height) as usize;
-        let radius = |px: &DVec2| self.ideal_of(normalised(&self.intrinsics, *px)).map_or(0.0, DVec2::length);
-        border(&self.intrinsics, steps).iter().map(radius).fold(0.0, f64::max)
+        let ideal = |px: &DVec2| self.undistort_px(*px).expect("every pixel has a ray, `new` has checked");
+        border(&self.intrinsics, steps).iter().map(ideal).collect()
     }
 
     fn ideal_of(&self, distorted: DVec2) -> Option<DVec2> {
@@ -157,7 +152,13 @@ impl Lens {
     }
 }
 
-fn normalised(k: &Intrinsics, px: DVec2) -> DVec2 {
+/// Smallest and largest x and y of some points.
+pub(super) fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
+    let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    points.iter().fold(start, |(low, high), point| (low.min(*point), high.max(*point)))
+}
+
+pub(super) fn normalised(k: &Intrinsics, px: DVec2) -> DVec2 {
     DVec2::new((px.x - k.cx) / k.fx, (px.y - k.cy) / k.fy)
 }
 

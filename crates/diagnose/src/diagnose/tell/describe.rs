@@ -327,11 +327,8 @@ fn as_found(
 /// What to film to tell an effect from its alternatives: where each of them shows best.
 fn footage(name: &str, alternatives: &[&str], together: &Together) -> String {
     let shown_by = |name: &str| shutterbug::effects::by_id(name).map_or("", |e| e.shown_by());
-    let mut films: Vec<&str> =
-        std::iter::once(name).chain(alternatives.iter().copied()).map(shown_by).collect();
-    if alternatives.is_empty() {
-        films.clear();
-    }
+    let own = (!alternatives.is_empty()).then_some(name);
+    let mut films: Vec<&str> = own.into_iter().chain(alternatives.iter().copied()).map(shown_by).collect();
     films.extend((!together.is_empty()).then_some(FILM));
     films.dedup();
     films.retain(|film| !film.is_empty());

@@ -276,8 +276,7 @@ fn reported(
         report
             .warnings
             .extend(in_time(setup_checks::noise::of_simulation(search, found, evidence))?.flatten());
-    }
-    if given.pair.is_none() {
+    } else {
         report.warnings.extend(not_simulated(given.capture));
         report.warnings.extend(uncontrolled(&given.capture.camera.settings));
     }

@@ -31,8 +31,9 @@ pub(crate) fn of_simulation(
         return Ok(None);
     }
     let frames: Vec<usize> = evidence.report.iter().copied().take(MOST_FRAMES).collect();
-    let simulated = search.forward.simulate(&frames, &found.fit.theta, Quality::Fit)?;
-    let pairs: Vec<_> = frames.iter().zip(&simulated).map(|(at, s)| (&*evidence.frames[*at].dn, s)).collect();
+    let simulated = search.forward.pictures(&frames, &found.fit.theta, Quality::Fit)?;
+    let pairs: Vec<_> =
+        frames.iter().zip(&simulated).map(|(at, s)| (&*evidence.frames[*at].dn, &**s)).collect();
     let share = of_both(&pairs);
     tracing::debug!("share of the differences' variance that the simulated frames' noise makes: {share:.3}");
     Ok((share > SHARE).then(|| {
