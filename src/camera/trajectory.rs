@@ -67,8 +67,9 @@ impl Trajectory {
     ///
     /// # Errors
     /// No pose, a line that is not eight finite numbers, a time that does not increase, a quaternion that is not a
-    /// rotation; with file and line.
+    /// rotation, and those of [`Trajectory::check_columns`]; with file and line.
     pub fn parse(path: &Path, text: &str, epoch_ns: i64) -> Result<Self> {
+        Self::check_columns(path, text)?;
         let (mut times_s, mut poses, mut lines) = (Vec::new(), Vec::new(), Vec::new());
         let mut last: Option<(usize, Stamp, &str)> = None;
         for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
@@ -98,6 +99,23 @@ impl Trajectory {
             return Err(Error::input(path, None, "no pose", format!("lines of {LINE_FORMAT}")));
         }
         Ok(Self { lines, ..Self::new(path, times_s, poses)? })
+    }
+
+    /// Refuses a comment that names the columns of the quaternion in another order than TUM's, as `qw qx qy qz`.
+    ///
+    /// # Errors
+    /// The line with such a comment.
+    pub fn check_columns(path: &Path, text: &str) -> Result<()> {
+        const ORDER: [&str; 4] = ["qx", "qy", "qz", "qw"];
+        for (index, line) in text.lines().enumerate().filter(|(_, l)| l.trim_start().starts_with('#')) {
+            let words = line.split(|c: char| !c.is_alphanumeric());
+            let names: Vec<&str> = words.filter(|name| ORDER.contains(name)).collect();
+            if names.len() == ORDER.len() && names != ORDER {
+                let found = format!("columns {}", names.join(" "));
+                return Err(Error::input(path, index + 1, found, LINE_FORMAT));
+            }
+        }
+        Ok(())
     }
 
     /// Where poses of the file are missing: a step far longer than the others. Poses that were not read from a file
@@ -293,6 +311,17 @@ mod tests {
         let seconds =
             ["1700000000.000000001", "1700000000.000000004"].map(|s| s.parse::<f64>().expect("a number"));
         assert_eq!(seconds[0], seconds[1]);
+    }
+
+    #[test]
+    fn quaternions_in_another_order_are_refused() {
+        let read = |names: &str| {
+            let text = format!("# timestamp tx ty tz {names}\n1.0 0 0 0 0.5 0.5 0.5 0.5\n");
+            Trajectory::parse(Path::new("t.tum"), &text, 0)
+        };
+        let error = read("qw qx qy qz").expect_err("w is first").to_string();
+        assert!(error.contains("t.tum:1") && error.contains("qw qx qy qz"), "{error}");
+        assert!(read("qx qy qz qw").is_ok(), "control");
     }
 
     #[test]

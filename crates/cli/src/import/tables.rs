@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 
 use super::contents::checked_pose;
 use super::poses::IMU_HEADER;
-use shutterbug::camera::{Pose, Stamp};
+use shutterbug::camera::{Pose, Stamp, Trajectory};
 use shutterbug::capture::{IMU_COLUMNS, check_columns, read_text};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::Limit;
@@ -62,7 +62,7 @@ pub(super) fn tum_list(path: &Path) -> Result<Vec<(i64, String)>> {
 pub(super) fn tum_poses(path: &Path) -> Result<Vec<(i64, Pose)>> {
     let expected = "eight numbers: t tx ty tz qx qy qz qw";
     let text = read_text(path, expected, Limit::TABLE)?;
-    check_quaternion_order(path, &text, expected)?;
+    Trajectory::check_columns(path, &text)?;
     let mut poses: Vec<(i64, Pose)> = Vec::new();
     for (line, content) in lines(&text) {
         let fields: Vec<&str> = content.split_whitespace().collect();
@@ -76,20 +76,6 @@ pub(super) fn tum_poses(path: &Path) -> Result<Vec<(i64, Pose)>> {
         poses.push((ns, pose.map_err(|f| Error::input(path, line, f.found, f.expected))?));
     }
     if poses.is_empty() { Err(Error::input(path, None, "no pose", expected)) } else { Ok(poses) }
-}
-
-/// Refuses a header that names the columns of the quaternion in another order.
-fn check_quaternion_order(path: &Path, text: &str, expected: &str) -> Result<()> {
-    for (i, header) in text.lines().enumerate().filter(|(_, l)| l.trim_start().starts_with('#')) {
-        let names =
-            header.split(|c: char| !c.is_alphanumeric()).filter(|n| ["qx", "qy", "qz", "qw"].contains(n));
-        let names: Vec<&str> = names.collect();
-        if names.len() == 4 && names != ["qx", "qy", "qz", "qw"] {
-            let found = format!("columns {}", names.join(" "));
-            return Err(Error::input(path, i + 1, found, expected));
-        }
-    }
-    Ok(())
 }
 
 /// EuRoC's `imu0/data.csv` with its axes turned.
