@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::flat::{AROUND_PX, Measured, box_mean};
-use super::frames::Encoding;
+use super::frames::{Encoding, of_pattern};
 use super::own::{Z99, beyond};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
@@ -47,51 +47,105 @@ impl Dark {
 #[derive(Clone, Debug)]
 pub struct DarkSums {
     encoding: Encoding,
-    size: [usize; 2],
     frames: usize,
-    sums: Vec<f32>,
+    /// Of which offsets and noise are measured (see [`of_pattern`]).
+    pattern: Sums,
+    /// Of the mean of the colours: a pixel is hot in whichever of them its site has.
+    colours: Sums,
+}
+
+/// Of one value a pixel.
+#[derive(Clone, Debug)]
+struct Sums {
+    sums: Plane<f32>,
     least: Vec<f32>,
     squares: f64,
     black: usize,
 }
 
+impl Sums {
+    fn of(size: [usize; 2]) -> Self {
+        let sums = Plane::new(size[0], size[1], 1);
+        Self { least: vec![f32::INFINITY; sums.data.len()], sums, squares: 0.0, black: 0 }
+    }
+
+    fn pixels(&self) -> f64 {
+        self.least.len().max(1) as f64
+    }
+
+    fn add(&mut self, values: impl Iterator<Item = f32> + Clone) {
+        let mean = values.clone().map(f64::from).sum::<f64>() / self.pixels();
+        self.squares += values.clone().map(|v| (f64::from(v) - mean).powi(2)).sum::<f64>() / self.pixels();
+        for ((sum, least), v) in self.sums.data.iter_mut().zip(&mut self.least).zip(values) {
+            *sum += v;
+            *least = least.min(v);
+            self.black += usize::from(v <= 0.0);
+        }
+    }
+
+    /// Mean of one picture.
+    fn level(&self, frames: f64) -> f64 {
+        self.sums.data.iter().map(|v| f64::from(*v)).sum::<f64>() / (self.pixels() * frames).max(1.0)
+    }
+
+    /// What different pictures share, as a variance: noise has no part in their covariance. And the noise of one.
+    fn shared_and_noise(&self, n: f64) -> (f64, f64) {
+        let level = self.level(n);
+        let squared = self.sums.data.iter().map(|v| (f64::from(*v) - n * level).powi(2));
+        let of_sum = squared.sum::<f64>() / self.pixels();
+        let shared = (of_sum - self.squares) / (n * (n - 1.0));
+        (shared, (self.squares / n - shared).max(0.0).sqrt())
+    }
+
+    /// The mean of each pixel less that around it, and the latter where the picture is darkest.
+    fn own(&self, n: f64) -> (Vec<f32>, f64) {
+        let mean = Plane { data: self.sums.data.iter().map(|v| v / n as f32).collect(), ..self.sums };
+        let around = box_mean(&mean, AROUND_PX);
+        let own = mean.data.iter().zip(&around.data).map(|(v, a)| v - a).collect();
+        let mut around = around.data;
+        let place = (DARKEST * around.len().saturating_sub(1) as f64) as usize;
+        let lowest = around.select_nth_unstable_by(place, f32::total_cmp).1;
+        (own, f64::from(*lowest))
+    }
+
+    /// Which pixels are hot. A pixel's darkest value lies above this in less than one of a hundred pictures of this
+    /// many normal pixels. The spread is that of the middle half, which hot pixels do not widen.
+    fn hot(&self, n: f64) -> Vec<bool> {
+        let (own, _) = self.own(n);
+        let (_, noise) = self.shared_and_noise(n);
+        let mut sorted = own.clone();
+        let mut at = |share: f64| {
+            let i = ((sorted.len() - 1) as f64 * share) as usize;
+            f64::from(*sorted.select_nth_unstable_by(i, f32::total_cmp).1)
+        };
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(&mut at);
+        let spread = ((high - low) / 1.349).max(noise / n.sqrt()).max(1e-9);
+        let limit = middle + beyond(0.01 / own.len() as f64) * spread;
+        // Of the darkest picture, beside what is around the pixel in the mean of all.
+        let least = self.least.iter().zip(&self.sums.data).zip(&own);
+        least.map(|((least, sum), own)| f64::from(*least - sum / n as f32 + own) > limit).collect()
+    }
+}
+
 impl DarkSums {
     /// Of none.
     pub fn new(encoding: Encoding) -> Self {
-        Self {
-            encoding,
-            size: [0; 2],
-            frames: 0,
-            sums: Vec::new(),
-            least: Vec::new(),
-            squares: 0.0,
-            black: 0,
-        }
+        let none = Sums::of([0; 2]);
+        Self { encoding, frames: 0, pattern: none.clone(), colours: none }
     }
 
     /// Adds a picture of encoded values, of the same size as those before.
     pub fn add(&mut self, encoded: &Plane<f32>) {
-        let n = encoded.channels as f32;
-        let light = |p: &[f32]| p.iter().map(|v| self.encoding.decode(*v)).sum::<f32>() / n;
-        self.black += encoded.data.iter().filter(|v| **v <= 0.0).count() / encoded.channels.max(1);
-        let values: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
         if self.frames == 0 {
-            self.size = [encoded.width, encoded.height];
-            (self.sums, self.least) = (vec![0.0; values.len()], vec![f32::INFINITY; values.len()]);
+            let size = [encoded.width, encoded.height];
+            (self.pattern, self.colours) = (Sums::of(size), Sums::of(size));
         }
-        let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
-        self.squares +=
-            values.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64;
-        for ((sum, least), v) in self.sums.iter_mut().zip(&mut self.least).zip(&values) {
-            *sum += v;
-            *least = least.min(*v);
-        }
+        let n = encoded.channels as f32;
+        let encoding = self.encoding;
+        let pixels = encoded.data.chunks_exact(encoded.channels);
+        self.pattern.add(pixels.clone().map(|p| encoding.decode(of_pattern(p))));
+        self.colours.add(pixels.map(|p| p.iter().map(|v| encoding.decode(*v)).sum::<f32>() / n));
         self.frames += 1;
-    }
-
-    /// Mean linear value.
-    fn level(&self) -> f64 {
-        self.sums.iter().map(|v| f64::from(*v)).sum::<f64>() / (self.sums.len() * self.frames).max(1) as f64
     }
 
     /// What they tell.
@@ -104,15 +158,12 @@ impl DarkSums {
             let found = format!("{} dark picture", self.frames);
             return Err(Error::input(path, None, found, "two or more: noise and offsets look alike in one"));
         }
-        let pixels = self.sums.len() as f64;
-        let level = self.level();
-        let of_sum = self.sums.iter().map(|v| (f64::from(*v) - n * level).powi(2)).sum::<f64>() / pixels;
-        // The covariance of two different pictures: noise has no part in it.
-        let same = (of_sum - self.squares) / (n * (n - 1.0));
-        let noise = (self.squares / n - same).max(0.0).sqrt();
-        let (own, darkest) = self.own();
+        let pixels = self.pattern.pixels();
+        let level = self.pattern.level(n);
+        let (shared, noise) = self.pattern.shared_and_noise(n);
+        let (own, darkest) = self.pattern.own(n);
         let of_all = own.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / pixels;
-        let hot = self.hot(&own, noise);
+        let hot = self.colours.hot(n);
         // What a pixel is beside its surroundings, of which it is a part.
         let kept = 1.0 - 1.0 / AROUND;
         let cold = own.iter().zip(&hot).filter(|(_, hot)| !**hot).map(|(v, _)| f64::from(*v).powi(2));
@@ -121,7 +172,7 @@ impl DarkSums {
         let spread = of_own * (2.0 / pixels).sqrt() * n / (n - 1.0);
         let dsnu = variance.max(0.0).sqrt();
         let half = 1.96 * if dsnu > 0.0 { spread / (2.0 * dsnu) } else { spread.sqrt() };
-        let black = self.black as f64 / (pixels * n);
+        let black = self.pattern.black as f64 / (pixels * n);
         Ok(Dark {
             frames: self.frames,
             level,
@@ -131,42 +182,9 @@ impl DarkSums {
             dsnu: (!is_cut_off(black, dsnu, half))
                 .then_some(Measured { value: dsnu, ci95: [dsnu - half, dsnu + half] }),
             temporal: noise,
-            uneven: (same - of_all / kept + noise * noise / n).max(0.0).sqrt(),
+            uneven: (shared - of_all / kept + noise * noise / n).max(0.0).sqrt(),
             hot: hot.iter().filter(|hot| **hot).count(),
         })
-    }
-}
-
-impl DarkSums {
-    /// The mean of each pixel less that around it, and the latter where the picture is darkest.
-    fn own(&self) -> (Vec<f32>, f64) {
-        let [width, height] = self.size;
-        let n = self.frames as f32;
-        let means = self.sums.iter().map(|v| v / n).collect();
-        let mean = Plane { width, height, channels: 1, data: means };
-        let around = box_mean(&mean, AROUND_PX);
-        let own = mean.data.iter().zip(&around.data).map(|(v, a)| v - a).collect();
-        let mut around = around.data;
-        let place = (DARKEST * around.len().saturating_sub(1) as f64) as usize;
-        let lowest = around.select_nth_unstable_by(place, f32::total_cmp).1;
-        (own, f64::from(*lowest))
-    }
-
-    /// Which pixels are hot. A pixel's darkest value lies above this in less than one of a hundred pictures of this
-    /// many normal pixels. The spread is that of the middle half, which hot pixels do not widen.
-    fn hot(&self, own: &[f32], noise: f64) -> Vec<bool> {
-        let n = self.frames as f64;
-        let mut sorted = own.to_vec();
-        let mut at = |share: f64| {
-            let i = ((sorted.len() - 1) as f64 * share) as usize;
-            f64::from(*sorted.select_nth_unstable_by(i, f32::total_cmp).1)
-        };
-        let [low, middle, high] = [0.25, 0.5, 0.75].map(&mut at);
-        let spread = ((high - low) / 1.349).max(noise / n.sqrt()).max(1e-9);
-        let limit = middle + beyond(0.01 / own.len() as f64) * spread;
-        // Of the darkest picture, beside what is around the pixel in the mean of all.
-        let least = self.least.iter().zip(&self.sums).zip(own);
-        least.map(|((least, sum), own)| f64::from(*least - sum / n as f32 + own) > limit).collect()
     }
 }
 
@@ -217,5 +235,31 @@ mod tests {
         assert!((dsnu(&glows) / 0.004 - 1.0).abs() < 0.03 && glows.hot == 0, "{glows:?}");
         assert!((glows.lowest - 0.05).abs() < 4e-4 && glows.level > 0.0505, "{glows:?}");
         assert!(glows.uneven > 0.005 && none.uneven < 0.0005, "{} {}", glows.uneven, none.uneven);
+    }
+
+    /// The mean of three colours would have 0.58 of the offsets; a pixel that is hot in one colour counts.
+    #[test]
+    fn colours_with_offsets_of_their_own_have_those_of_one() {
+        let mut dice = Dice(4);
+        let mut normal = || dice.normal() as f32;
+        let (w, h) = (200, 160);
+        let offsets: Vec<[f32; 3]> = (0..w * h).map(|_| [0; 3].map(|_| 0.004 * normal())).collect();
+        let mut sums = DarkSums::new(Encoding::Linear);
+        for _ in 0..8 {
+            sums.add(&Plane::from_fn(w, h, |x, y| {
+                let mut pixel = offsets[y * w + x].map(|offset| 0.05 + offset + 0.01 * normal());
+                if (x, y) == (70, 50) {
+                    pixel[0] += 0.4;
+                }
+                pixel
+            }));
+        }
+        let found = sums.measure(std::path::Path::new("dark")).expect("dark");
+        let dsnu = found.dsnu.expect("nothing is cut off");
+        assert!(
+            (dsnu.value / 0.004 - 1.0).abs() < 0.03 && dsnu.ci95[0] < 0.004 && dsnu.ci95[1] > 0.004,
+            "{dsnu:?}"
+        );
+        assert!((found.temporal / 0.01 - 1.0).abs() < 0.02 && found.hot == 1, "{found:?}");
     }
 }
