@@ -82,7 +82,7 @@ impl Frame {
     /// Reads a PNG (8 or 16 bits) or JPEG.
     ///
     /// # Errors
-    /// A file that cannot be read or decoded, or is too large.
+    /// A file that cannot be read or decoded, or is too large; a picture that was enlarged by repeating pixels.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = read(path, Limit::PICTURE)?;
         let picture = decode_picture(path, &bytes)?;
@@ -97,6 +97,10 @@ impl Frame {
         let step = f32::from(least_distance(&codes)) * code;
         let data = codes.into_iter().map(|v| f32::from(v) * code).collect();
         let encoded = Plane { width, height, channels: 3, data };
+        if is_enlarged(&encoded) {
+            let found = "a picture of which each pixel stands there twice, in rows and in columns";
+            return Err(Error::input(path, None, found, "one as the camera wrote it, not enlarged"));
+        }
         Ok(Self { path: path.to_owned(), encoded, step, jpeg: jpeg_facts(&bytes) })
     }
 
@@ -122,6 +126,20 @@ impl Frame {
     pub fn from_plane(name: &str, encoded: Plane<f32>, step: f32) -> Self {
         Self { path: PathBuf::from(name), encoded, step, jpeg: None }
     }
+}
+
+/// Whether pixels stand there twice along both axes: at one of the two places where pairs can begin all pairs are
+/// equal, at the other they are not.
+fn is_enlarged(picture: &Plane<f32>) -> bool {
+    let (w, h) = (picture.width, picture.height);
+    let columns_alike = |x: usize| (0..h).all(|y| picture.pixel(x, y) == picture.pixel(x + 1, y));
+    let rows_alike = |y: usize| picture.row(y) == picture.row(y + 1);
+    let twice = |side: usize, alike: &dyn Fn(usize) -> bool| {
+        let pairs = |first: usize| (first..side.saturating_sub(1)).step_by(2).all(alike);
+        // In a few pixels it happens by chance.
+        side >= 16 && pairs(0) != pairs(1)
+    };
+    twice(w, &columns_alike) && twice(h, &rows_alike)
 }
 
 /// The value of a pixel that patterns are measured of: green, where there are colours. Each colour of a sensor has a
@@ -291,6 +309,20 @@ mod tests {
             let got = Encoding::Srgb.slope(linear) * 2.0 * h;
             assert!((got / measured - 1.0).abs() < 0.02, "{linear}: {got} for {measured}");
         }
+    }
+
+    #[test]
+    fn an_enlarged_picture_is_told_from_one_that_a_camera_wrote() {
+        let value = |x: usize, y: usize| [0.01 * ((x * 7 + y * 13) % 90) as f32; 3];
+        let plain = Plane::from_fn(40, 30, value);
+        for shift in [0, 1] {
+            let of = |side: usize| (side + shift) / 2;
+            assert!(is_enlarged(&Plane::from_fn(40, 30, |x, y| value(of(x), of(y)))), "from {shift} on");
+            assert!(!is_enlarged(&Plane::from_fn(40, 30, |x, y| value(of(x), y))), "columns alone");
+        }
+        assert!(!is_enlarged(&plain) && !is_enlarged(&Plane::from_fn(40, 30, |_, _| [0.0; 3])));
+        // Half black, half white: an edge at an even place is no pair.
+        assert!(!is_enlarged(&Plane::from_fn(40, 30, |x, _| [if x < 20 { 0.0 } else { 1.0 }; 3])));
     }
 
     #[test]
