@@ -90,13 +90,16 @@ fn prepared(
     })
 }
 
-/// Said where frames follow each other at another rate than a camera's file says. Frames may be missing, but come no
-/// faster, and a unit is off by a thousand.
+/// Said where frames follow each other at another rate than a camera's file says. Frames may be missing, but half of
+/// them come no faster; and a unit is off by a thousand.
 fn other_rate(said_hz: Option<f64>, frames: &[FrameEntry]) -> Option<String> {
     let (said, seen) = (said_hz?, rate_hz(frames)?);
-    (seen > 2.0 * said || seen < 0.01 * said).then(|| {
+    let unit = seen > 100.0 * said || seen < 0.01 * said;
+    (unit || seen > 1.1 * said).then(|| {
+        let ask =
+            if unit { "are the times in ns?" } else { "camera.toml has the latter, so correct one of them" };
         format!(
-            "frames are {:.6} ms apart, and the camera's file says {:.6} ms ({said} a second): are the times in ns?",
+            "frames are {:.6} ms apart, and the camera's file says {:.6} ms ({said} a second): {ask}",
             1e3 / seen,
             1e3 / said
         )
@@ -302,7 +305,12 @@ mod tests {
         assert_eq!((said(50_000_000), said(100_000_000)), (None, None));
         for step_ns in [1, 50_000, 50_000_000_000] {
             let said = said(step_ns).expect("a sentence");
-            assert!(said.contains("the camera's file says 50.000000 ms (20 a second)"), "{said}");
+            assert!(
+                said.contains("the camera's file says 50.000000 ms (20 a second): are the times"),
+                "{said}"
+            );
         }
+        let faster = said(33_333_333).expect("thirty a second");
+        assert!(faster.contains("33.333333 ms apart") && faster.contains("correct one of them"), "{faster}");
     }
 }

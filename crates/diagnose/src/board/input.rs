@@ -67,7 +67,9 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>> {
     for entry in fs::read_dir(folder).map_err(listing)? {
         let path = entry.map_err(listing)?.path();
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        if path.is_file() && ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) {
+        // What macOS puts beside files on other disks (`._a.png`) is no picture.
+        let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        if !hidden && path.is_file() && ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) {
             paths.push(path);
         }
     }
@@ -116,5 +118,23 @@ pub fn times_of(given: &[PathBuf], count: usize, rate_hz: Option<f64>) -> Result
         (None, rate_hz) => {
             Ok(rate_hz.map(|r| (0..count).map(|i| (1e9 * i as f64 / r).round() as i64).collect()))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hidden_files_are_no_pictures() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let names = || {
+            pictures(&[folder.path().to_owned()])
+                .map(|all| all.into_iter().map(|p| p.name).collect::<Vec<_>>())
+        };
+        fs::write(folder.path().join("._a.png"), "").expect("written");
+        assert!(names().expect_err("none").to_string().contains("no picture"));
+        fs::write(folder.path().join("a.png"), "").expect("written");
+        assert_eq!(names().expect("one"), ["a.png"]);
     }
 }
