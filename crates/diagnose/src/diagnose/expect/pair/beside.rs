@@ -35,8 +35,9 @@ pub(super) fn notes(sim: &Path, real: &Path, matched: &[Matched]) -> Result<Vec<
     }
     for name in ["depth", "motion", "mask"] {
         if real.join(name).is_dir() {
+            let ask = if sim.join(name).is_dir() { "" } else { "; are --sim and --real exchanged?" };
             notes.push(format!(
-                "{name}/ beside the real frames is not read: it belongs to the simulated ones"
+                "{name}/ beside the real frames is not read: it belongs to the simulated ones{ask}"
             ));
         }
     }
@@ -67,10 +68,12 @@ mod tests {
         fs::write(sim.join("motion/a.exr"), "").expect("written");
         let whole = said().expect("whole");
         assert!(whole.len() == 1 && whole[0].starts_with("mask/ beside the real"), "{whole:?}");
+        assert!(whole[0].contains("exchanged?"), "the simulated frames have none: {whole:?}");
         fs::create_dir(sim.join("mask")).expect("made");
         fs::write(sim.join("mask/a.png"), "").expect("written");
         let some = said().expect("some masks");
         assert!(some[0].contains("nothing for 1 of 2 frames, b.png the first"), "{some:?}");
+        assert!(!some[1].contains("exchanged"), "control: {some:?}");
         fs::remove_dir_all(sim.join("mask")).expect("removed");
         fs::write(sim.join("mask"), "").expect("written");
         assert!(said().expect_err("a file").contains("no folder"));

@@ -66,6 +66,8 @@ fn what_a_camera_does_is_no_fault_of_the_set_up() {
         ),
         ("a gain of 0.3", per_value(|v| lin(v, 0.3))),
         ("a gain of 2.5", per_value(|v| lin(v, 2.5))),
+        ("a veil and a gain", per_value(|v| srgb_encode(0.86 * (0.97 * srgb_decode(v) + 0.006)))),
+        ("a black level", per_value(|v| srgb_encode(0.01 + 0.99 * srgb_decode(v)))),
         ("an exponent of 1.42", per_value(|v| v.powf(1.42))),
         ("an exponent of 0.7", per_value(|v| v.powf(0.7))),
         (
@@ -130,6 +132,8 @@ fn values_that_mean_something_else_are_told() {
     for (real, word) in [
         (per_value(srgb_decode), "linear (raw)"),
         (per_value(srgb_encode), "encoded twice"),
+        (per_value(|v| (16.0 + 219.0 * v) / 255.0), "in limited range"),
+        (per_value(|v| (255.0 * v - 16.0).max(0.0) / 219.0), "stretched from limited range"),
         (per_value(|v| 1.0 - v), "negatives"),
         (changed(|p, x, y| in_order(at(p, x, y), [2, 1, 0])), "(BGR for RGB)"),
         (changed(|p, x, y| in_order(at(p, x, y), [1, 0, 2])), "(GRB for RGB)"),

@@ -1,4 +1,5 @@
-//! Values that mean something else: linear, encoded twice, colours in another order, no colours, a negative.
+//! Values that mean something else: linear, encoded twice, in limited range, colours in another order, no colours, a
+//! negative.
 
 use super::Pairs;
 use super::thumbs::{Thumb, apart};
@@ -34,7 +35,7 @@ pub(super) fn coded(pairs: &Pairs) -> Option<String> {
     if as_is < LEAST_DN {
         return None;
     }
-    let tried: [(&str, Reading<'_>); 8] = [
+    let tried: [(&str, Reading<'_>); 10] = [
         (
             "linear (raw) values, not sRGB: encode them, or they are taken for dark frames of high contrast",
             &|s| s.decoded.clone(),
@@ -45,6 +46,12 @@ pub(super) fn coded(pairs: &Pairs) -> Option<String> {
         ("read with green and blue swapped (RBG for RGB)", &|s| each(&s.dn, |p| [p[0], p[2], p[1]])),
         ("read with their colours in turn (GBR for RGB)", &|s| each(&s.dn, |p| [p[1], p[2], p[0]])),
         ("read with their colours in turn (BRG for RGB)", &|s| each(&s.dn, |p| [p[2], p[0], p[1]])),
+        ("of video in limited range (16 to 235) whose values were not stretched: stretch them", &|s| {
+            each(&s.dn, |p| [0, 1, 2].map(|c| 16.0 + p[c] * 219.0 / 255.0))
+        }),
+        ("stretched from limited range (16 to 235), which they were not in: leave them as they are", &|s| {
+            each(&s.dn, |p| [0, 1, 2].map(|c| ((p[c] - 16.0) * 255.0 / 219.0).clamp(0.0, 255.0)))
+        }),
         ("negatives", &|s| each(&s.dn, |p| [255.0 - p[0], 255.0 - p[1], 255.0 - p[2]])),
     ];
     let best = tried.map(|(name, change)| (pairs.median(|r, s| apart(&r.dn, &change(s))), name));
