@@ -1,4 +1,4 @@
-//! What renders and pictures leave behind: engines, and what is kept of their work.
+//! What renders and pictures leave behind: what is kept of the engines' work. And the engines.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
@@ -12,11 +12,26 @@ use shutterbug::plane::Plane;
 /// Most bytes of larger pictures that are kept, and of delivered ones.
 const KEPT_BYTES: usize = 256 << 20;
 
-/// What renders leave behind. An engine's pictures depend, in their last bits, on the frames before them (how triangles
-/// are cut, how far images reach), and so does what is kept of them.
+/// The engines, by quality. An engine's pictures depend, in their last bits, on the frames before them (how triangles
+/// are cut, how far images reach).
+#[derive(Default)]
+pub(crate) struct Engines {
+    pub(crate) delivered: [Option<Engine>; 3],
+    /// Of larger pictures, with the margin in px: what triangles are cut to differs by quality too.
+    pub(crate) wide: [Option<(u32, Engine)>; 4],
+}
+
+impl Engines {
+    /// As if nothing had been rendered.
+    pub(crate) fn forget(&mut self) -> Result<()> {
+        let wide = self.wide.iter_mut().flatten().map(|(_, engine)| engine);
+        self.delivered.iter_mut().flatten().chain(wide).try_for_each(Engine::forget)
+    }
+}
+
+/// What renders leave behind.
 #[derive(Default)]
 pub(crate) struct Bench {
-    pub(crate) engines: [Option<Engine>; 3],
     pub(crate) wide: Wide,
     pub(crate) cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
     pub(crate) developed: Developed,
@@ -24,7 +39,7 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// Engines stay, pictures go.
+    /// All pictures go.
     pub(crate) fn clear(&mut self) {
         self.cache.clear();
         self.developed.clear();
@@ -46,8 +61,6 @@ pub(crate) struct Places {
 /// What is kept of the larger picture.
 #[derive(Default)]
 pub(crate) struct Wide {
-    /// By quality: what triangles are cut to differs too.
-    pub(crate) engines: [Option<Engine>; 4],
     /// Px beyond each side.
     pub(crate) margin_px: u32,
     pub(crate) map: Option<(Vec<u64>, Places)>,
@@ -58,13 +71,9 @@ pub(crate) struct Wide {
 
 impl Wide {
     /// As if nothing had been rendered, with a margin.
-    pub(crate) fn begin(&mut self, margin_px: u32) -> Result<()> {
-        self.map = None;
+    pub(crate) fn begin(&mut self, margin_px: u32) {
+        (self.map, self.margin_px) = (None, margin_px);
         self.kept.clear();
-        if self.margin_px != margin_px {
-            (self.engines, self.margin_px) = (Default::default(), margin_px);
-        }
-        self.engines.iter_mut().flatten().try_for_each(Engine::forget)
     }
 
     /// A larger picture that is kept.

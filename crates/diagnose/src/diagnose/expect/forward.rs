@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::bench::{Bench, Key, in_flight, options};
+use super::bench::{Bench, Engines, Key, in_flight, options};
 use super::description::Known;
 use super::journal::Journal;
 use super::model::{P, Theta};
@@ -34,6 +34,7 @@ const SPEED_STEP_S: f64 = 2e-3;
 
 /// Renders the frames of a capture for any parameters.
 pub(crate) struct Forward {
+    pub(crate) engines: Engines,
     pub(crate) bench: Bench,
     /// The other bench: while something is tried, the one that waits; else the one for what is tried.
     pub(crate) aside: Bench,
@@ -109,6 +110,7 @@ impl Forward {
         budget: Budget,
     ) -> Result<Self> {
         let mut forward = Self {
+            engines: Engines::default(),
             bench: Bench::default(),
             aside: Bench::default(),
             trying: false,
@@ -160,11 +162,13 @@ impl Forward {
         (self.renders.0 + of.0, self.renders.1 + of.1)
     }
 
-    /// Lets go of the engines and pictures of what was tried: the finest samples of large frames need their room.
+    /// Lets go of the engines, and of pictures of what was tried: the finest samples of large frames need their room.
     pub(crate) fn forget_tries(&mut self) {
-        self.aside = Bench::default();
+        (self.engines, self.aside) = (Engines::default(), Bench::default());
         if let Some(reduced) = &mut self.reduced {
-            (reduced.forward.bench, reduced.forward.aside) = (Bench::default(), Bench::default());
+            let forward = &mut reduced.forward;
+            (forward.bench, forward.aside) = (Bench::default(), Bench::default());
+            forward.engines = Engines::default();
         }
     }
 
@@ -378,9 +382,9 @@ impl Forward {
     }
 
     /// What `work` works out from `key` and the input, or what an earlier run has left of it. It is worked out on a
-    /// bench of its own, which begins as if nothing had been rendered, and leaves the other bench as it was: whether it
-    /// is worked out or taken from the journal, all that follows is the same to the last bit. Within such work nothing
-    /// is kept.
+    /// bench of its own, and leaves the other bench as it was; before and after it the engines are as if nothing had
+    /// been rendered. Whether it is worked out or taken from the journal, all that follows is the same to the last bit.
+    /// Within such work nothing is kept.
     ///
     /// # Errors
     /// Those of `work`; a journal that cannot be written.
@@ -395,8 +399,9 @@ impl Forward {
             return work(who);
         }
         let key = format!("{key} {} {} {}", this.native, this.compared, this.pooled);
-        if let Some(value) = this.journal().recall(kind, &key) {
-            return Ok(value);
+        let known = this.journal().recall(kind, &key);
+        if let Some(value) = known {
+            return this.forget_frames().map(|()| value);
         }
         this.swap_benches(true)?;
         let value = work(who);
@@ -415,12 +420,18 @@ impl Forward {
         self.trying = trying;
         if trying {
             self.bench.clear();
-            self.bench.engines.iter_mut().flatten().try_for_each(Engine::forget)?;
-            self.bench.wide.begin(self.aside.wide.margin_px)?;
+            self.bench.wide.begin(self.aside.wide.margin_px);
         } else {
             self.aside.clear();
         }
+        self.engines.forget()?;
         self.reduced.as_mut().map_or(Ok(()), |reduced| reduced.forward.swap_benches(trying))
+    }
+
+    /// The engines are as if nothing had been rendered.
+    fn forget_frames(&mut self) -> Result<()> {
+        self.engines.forget()?;
+        self.reduced.as_mut().map_or(Ok(()), |reduced| reduced.forward.forget_frames())
     }
 
     fn journal(&self) -> std::sync::MutexGuard<'_, Journal> {
@@ -531,13 +542,13 @@ impl Forward {
         quality: Quality,
     ) -> Result<Vec<Plane<f32>>> {
         let path = self.path(theta);
-        if self.bench.engines[quality as usize].is_none() {
+        if self.engines.delivered[quality as usize].is_none() {
             let (scene, trajectory) = (self.scene.clone(), self.trajectory.clone());
             let engine =
                 Engine::new(self.device(), scene, trajectory, self.intrinsics, options(quality), &[])?;
-            self.bench.engines[quality as usize] = Some(engine);
+            self.engines.delivered[quality as usize] = Some(engine);
         }
-        let engine = self.bench.engines[quality as usize].as_mut().expect("just made");
+        let engine = self.engines.delivered[quality as usize].as_mut().expect("just made");
         engine.aim(k, path);
         in_flight(engine, requests)
     }

@@ -51,7 +51,6 @@ impl Forward {
         // A lens that folds has places without end.
         let needed = (beyond.ceil() as u32).saturating_add(6).min(k.width.max(k.height) / 2);
         if needed > self.bench.wide.margin_px {
-            self.bench.wide.engines = Default::default();
             self.bench.wide.kept.clear();
             self.bench.wide.margin_px = needed.max(24).next_multiple_of(8);
             self.forget_wide();
@@ -78,15 +77,18 @@ impl Forward {
 
     /// The engine of the larger picture.
     pub(crate) fn wide_engine(&mut self, quality: Quality) -> Result<&mut Engine> {
-        let place = quality as usize;
-        if self.bench.wide.engines[place].is_none() {
+        let (place, margin_px) = (quality as usize, self.bench.wide.margin_px);
+        if self.engines.wide[place].as_ref().is_none_or(|(of, _)| *of != margin_px) {
+            // The earlier one's room first.
+            self.engines.wide[place] = None;
             let (scene, path) = (self.scene.clone(), self.trajectory.clone());
             // Four pixels are one, but for the coarse: a sample in each is four.
             let options = EngineOptions { samples: [1, 1, 4, 16][place], ..super::bench::options(quality) };
             let k = self.wide_intrinsics(&self.intrinsics, quality);
-            self.bench.wide.engines[place] = Some(Engine::new(self.device(), scene, path, k, options, &[])?);
+            let engine = Engine::new(self.device(), scene, path, k, options, &[])?;
+            self.engines.wide[place] = Some((margin_px, engine));
         }
-        Ok(self.bench.wide.engines[place].as_mut().expect("just made"))
+        Ok(&mut self.engines.wide[place].as_mut().expect("just made").1)
     }
 
     /// A request for the larger picture: lines beyond the picture keep the sensor's pace.
