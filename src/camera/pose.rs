@@ -48,6 +48,7 @@ impl Pose {
     }
 
     /// Transforms a point, m.
+    #[inline]
     pub fn transform(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.translation_m
     }

@@ -6,8 +6,8 @@ use super::gaussian;
 use crate::chain::{
     Choice, Domain, Effect, Fit, Law, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
 };
-use crate::plane::Plane;
 use crate::plane::stats::luma;
+use crate::plane::{Plane, three};
 
 /// The effect; its values live in [`Settings`].
 pub struct ChromaSubsampling;
@@ -32,7 +32,7 @@ pub fn sharing(source: &Plane<f32>, rows: usize) -> Plane<f32> {
     gaussian::filter(source, |x, y| {
         let first = [(x & !1) as i64, if rows == 2 { y & !1 } else { y } as i64];
         let at = |dx: i64, dy: i64| gaussian::clamped(source, [first[0] + dx, first[1] + dy]);
-        let add = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|c| a[c] + b[c]);
+        let add = |a: [f32; 3], b: [f32; 3]| three(|c| a[c] + b[c]);
         let upper = add(at(0, 0), at(1, 0));
         let mean = match rows {
             2 => add(upper, add(at(0, 1), at(1, 1))).map(|v| 0.25 * v),

@@ -17,7 +17,7 @@ use crate::chain::{
     Choice, Domain, Effect, Fit, Law, Number, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View,
     Work,
 };
-use crate::plane::Plane;
+use crate::plane::{Plane, three};
 
 /// The effect; its values live in [`Settings`].
 pub struct Defocus;
@@ -95,7 +95,7 @@ fn by_depth(source: &Plane<f32>, [scale, focus, most]: [f32; 3], gaussian: bool)
                 radius = radius.min(radius_of(own));
             }
             let weight = share(radius, ((dx * dx + dy * dy) as f32).sqrt(), gaussian);
-            sum = [0, 1, 2].map(|c| sum[c] + weight * p[c]);
+            sum = three(|c| sum[c] + weight * p[c]);
             total += weight;
         }
         sum.map(|v| v / total)
@@ -139,13 +139,13 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
             for (i, weight) in weights.iter().enumerate() {
                 let offset = [i % side, i / side].map(|o| o as i64 - i64::from(radius));
                 let value = gaussian::clamped(&before, [x as i64 + offset[0], y as i64 + offset[1]]);
-                sum = [0, 1, 2].map(|c| sum[c] + weight * value[c]);
+                sum = three(|c| sum[c] + weight * value[c]);
             }
             sum
         });
     }
     if Defocus::needs_depth(settings) {
-        seen = by_depth(&seen, [0, 1, 2].map(|i| p.table(2, i)), is_gaussian(settings));
+        seen = by_depth(&seen, three(|i| p.table(2, i)), is_gaussian(settings));
     }
     seen
 }

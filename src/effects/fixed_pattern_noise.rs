@@ -10,6 +10,7 @@ use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
     View, Work,
 };
+use crate::plane::three;
 
 /// The effect; its values live in [`Settings`].
 pub struct FixedPatternNoise;
@@ -42,11 +43,11 @@ fn fixed_pattern_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     let mut seen = value;
     if at.variant & GAINS != 0 {
         let n = normal(STREAM_FIXED_PATTERN_PRNU);
-        seen = [0, 1, 2].map(|c| seen[c] + (seen[c] - p.number(4)) * (p.number(1) * n[c]));
+        seen = three(|c| seen[c] + (seen[c] - p.number(4)) * (p.number(1) * n[c]));
     }
     if at.variant & OFFSETS != 0 {
         let n = normal(STREAM_FIXED_PATTERN_DSNU);
-        seen = [0, 1, 2].map(|c| seen[c] + p.number(0) * n[c]);
+        seen = three(|c| seen[c] + p.number(0) * n[c]);
     }
     seen
 }

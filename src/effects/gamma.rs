@@ -4,7 +4,7 @@
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
-use crate::plane::srgb_encode;
+use crate::plane::{srgb_encode, three};
 
 /// The effect; its values live in [`Settings`].
 pub struct Gamma;
@@ -21,11 +21,11 @@ const POWER: u32 = 2;
 /// The function of the same name in `glsl/include/effects/gamma.glsl`.
 fn gamma(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     // NaN becomes black, as in the kernel.
-    let encoded = value.map(|v| if v > 0.0 { srgb_encode(v) } else { 0.0 });
+    let encoded = three(|c| if value[c] > 0.0 { srgb_encode(value[c]) } else { 0.0 });
     if at.variant & POWER == 0 {
         return encoded;
     }
-    encoded.map(|v| if v > 0.0 { v.powf(p.number(0)) } else { 0.0 })
+    three(|c| if encoded[c] > 0.0 { encoded[c].powf(p.number(0)) } else { 0.0 })
 }
 
 impl Effect for Gamma {

@@ -45,7 +45,9 @@ pub(super) fn along(source: &Plane<f32>, axis: usize, weights: &[f32]) -> Plane<
     let radius = weights.len() - 1;
     let mut out = Plane::new(width, height, n);
     let add = |to: &mut [f32], weight: f32, from: &[f32]| {
-        to.iter_mut().zip(from).for_each(|(v, s)| *v += weight * s);
+        for (v, s) in to.iter_mut().zip(from) {
+            *v += weight * s;
+        }
     };
     out.data.par_chunks_exact_mut(width * n).enumerate().for_each(|(y, to)| {
         let mut wide = Vec::new();
@@ -94,7 +96,9 @@ pub(super) fn filter(source: &Plane<f32>, f: impl Fn(usize, usize) -> [f32; 3] +
     let mut out = source.clone();
     let n = source.channels;
     out.data.par_chunks_exact_mut(source.width * n).enumerate().for_each(|(y, row)| {
-        row.chunks_exact_mut(n).enumerate().for_each(|(x, rgba)| rgba[..3].copy_from_slice(&f(x, y)));
+        for (x, rgba) in row.chunks_exact_mut(n).enumerate() {
+            rgba[..3].copy_from_slice(&f(x, y));
+        }
     });
     out
 }

@@ -11,6 +11,7 @@ use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
     View, Work,
 };
+use crate::plane::three;
 
 /// The effect; its values live in [`Settings`].
 pub struct ReadNoise;
@@ -52,7 +53,7 @@ fn read_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     for k in 0..p.bits(2) {
         let frame = at.view.frame.wrapping_sub(k);
         let n = random_normal(at.pixel, frame, STREAM_READ_NOISE, seed_words(at.view.seed));
-        seen = [0, 1, 2].map(|c| seen[c] + weight * n[c]);
+        seen = three(|c| seen[c] + weight * n[c]);
         weight *= p.number(1);
     }
     seen

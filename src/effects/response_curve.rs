@@ -8,6 +8,7 @@
 
 use super::response::{self, KNOTS, NAMES};
 use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::plane::three;
 
 /// The effect; its values live in [`Settings`].
 pub struct ResponseCurve;
@@ -36,7 +37,7 @@ pub(super) const SPECS: &[ParamSpec] = &{
 
 /// The function of the same name in `glsl/include/effects/response_curve.glsl`.
 fn response_curve(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
-    [0, 1, 2].map(|c| response::from_sensor(value[c], c, p, (0, 1)))
+    three(|c| response::from_sensor(value[c], c, p, (0, 1)))
 }
 
 impl Effect for ResponseCurve {

@@ -6,6 +6,7 @@ use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
     View, Work,
 };
+use crate::plane::three;
 
 /// The effect; its values live in [`Settings`].
 pub struct RowNoise;
@@ -37,10 +38,10 @@ const COLUMNS: u32 = 2;
 fn row_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     let mut seen = value;
     if at.variant & ROWS != 0 {
-        seen = seen.map(|v| v + p.table(0, at.pixel[1] as usize));
+        seen = three(|c| seen[c] + p.table(0, at.pixel[1] as usize));
     }
     if at.variant & COLUMNS != 0 {
-        seen = seen.map(|v| v + p.table(1, at.pixel[0] as usize));
+        seen = three(|c| seen[c] + p.table(1, at.pixel[0] as usize));
     }
     seen
 }

@@ -7,6 +7,7 @@ use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 use crate::plane::stats::{LUMA, luma};
+use crate::plane::three;
 
 /// The effect; its values live in [`Settings`].
 pub struct Saturation;
@@ -35,7 +36,7 @@ fn matrix(settings: &Settings) -> [[f64; 3]; 3] {
     let of = |of: usize, from: usize| {
         (1.0 - factor) * f64::from(LUMA[from]) + if of == from { factor } else { 0.0 }
     };
-    [0, 1, 2].map(|row| [0, 1, 2].map(|from| of(row, from)))
+    three(|row| three(|from| of(row, from)))
 }
 
 impl Effect for Saturation {

@@ -12,7 +12,7 @@ use super::{Saturation, response};
 use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 use crate::error::{Error, Result};
 use crate::plane::stats::luma;
-use crate::plane::{srgb_decode, srgb_encode};
+use crate::plane::{srgb_decode, srgb_encode, three};
 
 /// The effect; its values live in [`Settings`].
 pub struct SensorColor;
@@ -61,7 +61,7 @@ fn sensor_color(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
             seen = seen.map(|v| (y + p.number(UNDO) * (v - y)).clamp(0.0, 1.0));
         }
         if at.variant & CURVE != 0 {
-            seen = [0, 1, 2].map(|c| response::to_sensor(seen[c], c, p, 9));
+            seen = three(|c| response::to_sensor(seen[c], c, p, 9));
         }
         seen = seen.map(srgb_decode);
     }

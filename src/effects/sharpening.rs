@@ -7,7 +7,7 @@ use crate::chain::{
     Domain, Effect, Filter, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Pass, Settings, Stage,
     View, Work,
 };
-use crate::plane::Plane;
+use crate::plane::{Plane, three};
 
 /// The effect; its values live in [`Settings`].
 pub struct Sharpening;
@@ -44,7 +44,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
     let blurred = gaussian::along(&gaussian::along(source, 0, &weights), 1, &weights);
     gaussian::filter(source, |x, y| {
         let (v, blurred) = (source.pixel(x, y), blurred.pixel(x, y));
-        [0, 1, 2].map(|c| v[c] + p.number(0) * (v[c] - blurred[c]))
+        three(|c| v[c] + p.number(0) * (v[c] - blurred[c]))
     })
 }
 

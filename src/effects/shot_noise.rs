@@ -13,6 +13,7 @@ use crate::chain::{
     At, Domain, Effect, Fit, Held, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings,
     Stage, View, Work,
 };
+use crate::plane::three;
 
 /// The effect; its values live in [`Settings`].
 pub struct ShotNoise;
@@ -70,14 +71,15 @@ fn many(mean: f32, w: f32) -> f32 {
 /// A Poisson number of that mean for each of three channels.
 pub fn poisson(mean: [f32; 3], bits: [u32; 4]) -> [f32; 3] {
     let w = normal_of_bits(bits);
-    [0, 1, 2].map(|c| if mean[c] < EXACT_BELOW_E { few(mean[c], bits[c]) } else { many(mean[c], w[c]) })
+    three(|c| if mean[c] < EXACT_BELOW_E { few(mean[c], bits[c]) } else { many(mean[c], w[c]) })
 }
 
 /// The function of the same name in `glsl/include/effects/shot_noise.glsl`.
 fn shot_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
-    let mean = value.map(|v| v.max(0.0) * p.number(0));
+    let mean = three(|c| value[c].max(0.0) * p.number(0));
     let bits = random_bits(at.pixel, at.view.frame, STREAM_SHOT_NOISE, seed_words(at.view.seed));
-    poisson(mean, bits).map(|electrons| electrons * p.number(1))
+    let electrons = poisson(mean, bits);
+    three(|c| electrons[c] * p.number(1))
 }
 
 fn noise(settings: &Settings) -> [Noise; 3] {

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
+use crate::plane::three;
 use crate::scene::{Draw, Vertex};
 
 /// Triangles in the device's order.
@@ -68,7 +69,7 @@ impl Mesh {
         short: &mut HashSet<(u32, u32)>,
     ) -> Self {
         let mut next = Self { vertices: self.vertices.clone(), indices: Vec::new(), draws: Vec::new() };
-        let ends = self.indices.chunks_exact(3).flat_map(|t| [0, 1, 2].map(|i| edge(t, i)));
+        let ends = self.indices.chunks_exact(3).flat_map(|t| three(|i| edge(t, i)));
         let mut asked: Vec<(u32, u32)> = ends.filter(|ends| !short.contains(ends)).collect();
         asked.sort_unstable();
         asked.dedup();
@@ -87,7 +88,7 @@ impl Mesh {
             let first = next.indices.len() as u32;
             let range = draw.first_index as usize..(draw.first_index + draw.index_count) as usize;
             for corners in self.indices[range].chunks_exact(3) {
-                let middle = [0, 1, 2].map(|i| middles.get(&edge(corners, i)).copied());
+                let middle = three(|i| middles.get(&edge(corners, i)).copied());
                 push_pieces(&mut next.indices, [corners[0], corners[1], corners[2]], middle);
             }
             let index_count = next.indices.len() as u32 - first;
@@ -113,8 +114,8 @@ fn push_pieces(indices: &mut Vec<u32>, corners: [u32; 3], middle: [Option<u32>; 
         _ => None,
     };
     let turn = turn.unwrap_or(0);
-    let [a, b, c] = [0, 1, 2].map(|i| corners[(i + turn) % 3]);
-    match [0, 1, 2].map(|i| middle[(i + turn) % 3]) {
+    let [a, b, c] = three(|i| corners[(i + turn) % 3]);
+    match three(|i| middle[(i + turn) % 3]) {
         [Some(ab), Some(bc), Some(ca)] => {
             indices.extend([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]);
         }
@@ -126,7 +127,7 @@ fn push_pieces(indices: &mut Vec<u32>, corners: [u32; 3], middle: [Option<u32>; 
 
 /// Symmetric in its arguments, to the bit.
 fn halfway(a: &Vertex, b: &Vertex) -> Vertex {
-    let mean3 = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
+    let mean3 = |a: [f32; 3], b: [f32; 3]| three(|i| 0.5 * (a[i] + b[i]));
     Vertex {
         position_m: mean3(a.position_m, b.position_m),
         object: a.object,

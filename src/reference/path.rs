@@ -3,7 +3,7 @@
 
 use glam::{IVec2, Vec2, Vec4};
 
-use crate::plane::Plane;
+use crate::plane::{Plane, three};
 
 /// Most path images; each holds two knots.
 pub const MAX_PATH_IMAGES: usize = 3;
@@ -53,7 +53,7 @@ impl FromDepth<'_> {
         let share = (at - before).clamp(0.0, 1.0);
         let row = body * (self.last_knot as usize + 1) + before as usize;
         let (a, b) = (self.moved[row], self.moved[row + 1]);
-        [0, 1, 2].map(|i| a[i] + share * (b[i] - a[i]))
+        three(|i| a[i] + share * (b[i] - a[i]))
     }
 
     /// Displacement of what a texel shows at place `at` of the time axis, px.

@@ -16,7 +16,7 @@ use super::lens::{LensGrid, Places};
 use super::shade::{self, Shader};
 pub use super::window::Window;
 use crate::camera::{Intrinsics, NEAR_M, Pose, Trajectory};
-use crate::plane::Plane;
+use crate::plane::{Plane, three};
 use crate::scene::Scene;
 
 /// Where from and when.
@@ -169,10 +169,10 @@ impl Triangle {
     }
 
     fn barycentric(&self, px: DVec2) -> [f64; 3] {
-        let e = self.edges.map(|e| e.at(px).max(0.0));
+        let e = three(|i| self.edges[i].at(px).max(0.0));
         let sum = e[0] + e[1] + e[2];
         // All three vanish only where the triangle is a point or a line; any of its points will do.
-        if sum > 0.0 { e.map(|e| e / sum) } else { [1.0, 0.0, 0.0] }
+        if sum > 0.0 { three(|i| e[i] / sum) } else { [1.0, 0.0, 0.0] }
     }
 }
 

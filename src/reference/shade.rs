@@ -2,10 +2,10 @@
 
 use std::sync::LazyLock;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::camera::Pose;
-use crate::plane::srgb_decode;
+use crate::plane::{srgb_decode, three};
 use crate::scene::{PointLight, Scene, Shading, Texture, Vertex};
 
 /// Linear value of every 8-bit sRGB value.
@@ -32,9 +32,10 @@ impl<'a> Shader<'a> {
         let material = &self.scene.materials[corners[0].material as usize];
         let mut kd = material.kd;
         if let Some(texture) = material.texture {
-            let uv = [0, 1].map(|c| (0..3).map(|i| at[i] * f64::from(corners[i].uv[c])).sum());
+            let uv = |c: usize| (0..3).map(|i| at[i] * f64::from(corners[i].uv[c])).sum();
+            let uv = [uv(0), uv(1)];
             let texel = bilinear_repeat(&self.scene.textures[texture], uv);
-            kd = std::array::from_fn(|c| kd[c] * texel[c]);
+            kd = three(|c| kd[c] * texel[c]);
         }
         let Shading::Lit(lights) = &self.scene.shading else { return kd };
         let pose = &self.world_from_object[corners[0].object as usize];
@@ -57,12 +58,12 @@ impl<'a> Shader<'a> {
 
 /// The three corners of a triangle.
 pub(super) fn corners(scene: &Scene, triangle: usize) -> [&Vertex; 3] {
-    [0, 1, 2].map(|i| &scene.vertices[scene.indices[3 * triangle + i] as usize])
+    three(|i| &scene.vertices[scene.indices[3 * triangle + i] as usize])
 }
 
 /// Barycentric mean of a vector at the corners.
 pub(super) fn weigh(corners: [&Vertex; 3], at: [f64; 3], f: impl Fn(&Vertex) -> [f32; 3]) -> DVec3 {
-    (0..3).map(|i| at[i] * DVec3::from(f(corners[i]).map(f64::from))).sum()
+    (0..3).map(|i| at[i] * Vec3::from(f(corners[i])).as_dvec3()).sum()
 }
 
 /// One light's share, without colours.
@@ -73,7 +74,7 @@ struct Lit {
 }
 
 fn blinn_phong(light: &PointLight, point_m: DVec3, normal: DVec3, to_eye: DVec3, exponent: f32) -> Lit {
-    let offset_m = DVec3::from(light.position_m.map(f64::from)) - point_m;
+    let offset_m = Vec3::from(light.position_m).as_dvec3() - point_m;
     let distance_m = offset_m.length();
     let to_light = offset_m.normalize_or_zero();
     let half = (to_light + to_eye).normalize_or_zero();
@@ -95,7 +96,7 @@ fn bilinear_repeat(texture: &Texture, uv: [f64; 2]) -> [f32; 3] {
         let row = (y.floor() as i64 + dy).rem_euclid(i64::from(texture.height)) as usize;
         LINEAR[texture.rgba[4 * (row * texture.width as usize + column) + channel] as usize]
     };
-    [0, 1, 2].map(|c| {
+    three(|c| {
         let upper = texel(0, 0, c) * (1.0 - fx) + texel(1, 0, c) * fx;
         let lower = texel(0, 1, c) * (1.0 - fx) + texel(1, 1, c) * fx;
         upper * (1.0 - fy) + lower * fy

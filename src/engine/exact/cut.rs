@@ -7,7 +7,7 @@
 //! angle s by at most (w + V/d) s for a camera that turns at w rad/s and passes at V m/s what is d m away. The largest
 //! over samples of the camera's path counts, so triangles are cut once, at load.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::{ExtendedLens, Intrinsics, Pose, Trajectory};
 use crate::engine::scene::Stage;
@@ -190,10 +190,11 @@ impl Bound {
     }
 
     fn is_long(&self, seen: &[Seen], a: &Vertex, b: &Vertex, allowed_px: f64) -> bool {
-        let [a, b] = [a, b].map(|v| DVec3::from(v.position_m.map(f64::from)));
+        let at_m = |v: &Vertex| Vec3::from(v.position_m).as_dvec3();
+        let (a, b) = (at_m(a), at_m(b));
         let length_m = (b - a).length();
         seen.iter().any(|s| {
-            let [a, b] = [a, b].map(|p| s.camera_from_object.transform(p));
+            let (a, b) = (s.camera_from_object.transform(a), s.camera_from_object.transform(b));
             let middle = 0.5 * (a + b);
             let along = ((-a).dot(b - a) / (length_m * length_m).max(1e-12)).clamp(0.0, 1.0);
             let away_m = (a + along * (b - a)).length();
@@ -203,7 +204,7 @@ impl Bound {
             let away_m = away_m.max(NEAREST_M);
             let focal_px = self.camera.fx.max(self.camera.fy);
             let (speed, lines) = if a.z.min(b.z) > NEAREST_M {
-                let [va, vb] = [a, b].map(|p| self.velocity_px_per_s(s, p));
+                let (va, vb) = (self.velocity_px_per_s(s, a), self.velocity_px_per_s(s, b));
                 let way = self.px(a) - self.px(b);
                 ((va - vb).length(), if self.lines_are_rows { way.y.abs() } else { way.x.abs() })
             } else {

@@ -5,7 +5,7 @@
 //! Lateral chromatic aberration draws the frame once for each colour, through a lens of that colour's magnification.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::assert_push_layout;
 use crate::camera::{Distortion, ExtendedLens, Intrinsics, Lens, Pose};
@@ -245,7 +245,8 @@ impl Chords {
 
     /// Whether an edge of that group is further from its curve than allowed, seen from any of the poses.
     pub(crate) fn is_long(&self, group: usize, a: &Vertex, b: &Vertex, allowed_px: f64) -> bool {
-        let [a, b] = [a, b].map(|v| DVec3::from(v.position_m.map(f64::from)));
+        let at_m = |v: &Vertex| Vec3::from(v.position_m).as_dvec3();
+        let (a, b) = (at_m(a), at_m(b));
         let half_m = 0.5 * (b - a).length();
         let exceeds = |pose: &Pose| self.exceeds(pose.transform(a), pose.transform(b), half_m, allowed_px);
         self.poses[group].iter().any(exceeds)

@@ -6,6 +6,7 @@ use glam::Mat3;
 
 use super::places::{COARSE, mixed_colors, place, places_by_dn, sensor_at, sensor_place};
 use crate::chain::{Mixing, Origins, Variances};
+use crate::plane::three;
 
 /// Widths of noise that the tables hold, by their root: what the encoding makes of noise changes most while it is
 /// narrow.
@@ -81,7 +82,7 @@ impl Coloured {
     pub(super) fn of(conversion: &Conversion<'_>) -> Option<Self> {
         let weights = conversion.weights;
         let common = conversion.origins.each_ref().map(|pixel| common(&weights, pixel));
-        let kinds = [0, 1, 2].map(|c| {
+        let kinds = three(|c| {
             let mut kinds: Vec<Kind> = Vec::new();
             for pixel in &common {
                 let of = pixel[c][c];
@@ -99,11 +100,11 @@ impl Coloured {
             common,
             back,
             weights,
-            noise: [0, 1, 2].map(|c| (0..COARSE).map(|i| (conversion.noise)(sensor_at(i), c)).collect()),
+            noise: three(|c| (0..COARSE).map(|i| (conversion.noise)(sensor_at(i), c)).collect()),
             shift: Default::default(),
             share: Default::default(),
             values: Default::default(),
-            filtered: [0, 1, 2].map(|c| conversion.mixing.pixel[c] / left_by_mosaic(conversion.origins, c)),
+            filtered: three(|c| conversion.mixing.pixel[c] / left_by_mosaic(conversion.origins, c)),
             row: conversion.mixing.row,
         };
         for c in 0..3 {
@@ -127,7 +128,7 @@ impl Coloured {
         }
         self.share[c] = (0..256).map(|dn| shares.each_ref().map(|s| s[dn])).collect();
         // A grey's colours are what one value of the sensor makes of them.
-        let grey = |i: usize| [0, 1, 2].map(|k| conversion.whole[k] * sensor_at(i) / conversion.whole[c]);
+        let grey = |i: usize| three(|k| conversion.whole[k] * sensor_at(i) / conversion.whole[c]);
         let means: Vec<f32> = (0..COARSE).map(|i| plain[i] + self.shift(&grey(i), c)).collect();
         let value = |(i, f): (usize, f32)| sensor_at(i.saturating_sub(1)) * (1.0 - f) + sensor_at(i) * f;
         self.values[c] = places_by_dn(|i| means[i]).map(value).collect();
@@ -135,7 +136,7 @@ impl Coloured {
 
     /// Noise of the sensor's values that encoded values are made of.
     fn sensor(&self, values: &[f32; 3]) -> [Variances; 3] {
-        [0, 1, 2].map(|c| {
+        three(|c| {
             let sensor: f32 = (0..3).map(|k| self.back[c][k] * values[k]).sum();
             self.noise[c][place(sensor_place(sensor) + 0.5).min(COARSE - 1)]
         })
@@ -168,13 +169,13 @@ impl Coloured {
     /// What noise adds to the means of encoded values, DN.
     pub(super) fn shifts(&self, values: [f32; 3]) -> [f32; 3] {
         let noise = self.sensor(&values);
-        [0, 1, 2].map(|c| self.shift_by(noise, values[c], c))
+        three(|c| self.shift_by(noise, values[c], c))
     }
 
     /// Spread of a channel of a pixel of these mean DN.
     pub(super) fn spread(&self, mean_dn: &[f32], c: usize) -> Variances {
         let dn = |k: usize| (mean_dn[k] + 0.5).clamp(0.0, 255.0) as usize;
-        let noise = self.sensor(&[0, 1, 2].map(|k| self.values[k][dn(k)]));
+        let noise = self.sensor(&three(|k| self.values[k][dn(k)]));
         let share = &self.share[c][dn(c)];
         let mut sum = Variances::default();
         for (of, v) in self.by_kind(noise, c) {
@@ -187,9 +188,9 @@ impl Coloured {
     /// Spread of a mixture of the channels of a pixel of these mean DN, which have noise in common.
     pub(super) fn spread_of_mixture(&self, mean_dn: &[f32; 3], mixture: &[f32; 3]) -> Variances {
         let dn = mean_dn.map(|v| (v + 0.5).clamp(0.0, 255.0) as usize);
-        let noise = self.sensor(&[0, 1, 2].map(|k| self.values[k][dn[k]]));
+        let noise = self.sensor(&three(|k| self.values[k][dn[k]]));
         // By channel: DN per unit of the encoded value, times its part of the mixture.
-        let slopes = [0, 1, 2].map(|c| {
+        let slopes = three(|c| {
             let of = |(share, v): (f32, Variances)| share * at_width(&self.share[c][dn[c]], v.width());
             mixture[c] * self.by_kind(noise, c).map(of).sum::<f32>().sqrt()
         });
@@ -212,14 +213,13 @@ impl Sources {
     pub(super) fn of(weights: &[[f32; 3]; 3], whole: [f32; 3], origins: &Origins) -> Option<Self> {
         let common = origins.each_ref().map(|pixel| common(weights, pixel));
         let back = back(weights).filter(|_| !has_own_noise(&common))?;
-        let variance =
-            |c: usize| [0, 1, 2].map(|from| common.iter().map(|p| 0.25 * p[c][c][from]).sum::<f32>());
-        let all = [0, 1, 2].map(|c| variance(c).iter().sum::<f32>());
+        let variance = |c: usize| three(|from| common.iter().map(|p| 0.25 * p[c][c][from]).sum::<f32>());
+        let all = three(|c| variance(c).iter().sum::<f32>());
         let grey2 = whole.map(|whole| whole * whole);
         Some(Self {
-            shares: [0, 1, 2].map(|c| variance(c).map(|v| v / all[c])),
-            kept: [0, 1, 2].map(|c| all[c] / (grey2[c] * left_by_mosaic(origins, c))),
-            back: back.map(|of| [0, 1, 2].map(|from| of[from] * whole[from])),
+            shares: three(|c| variance(c).map(|v| v / all[c])),
+            kept: three(|c| all[c] / (grey2[c] * left_by_mosaic(origins, c))),
+            back: back.map(|of| three(|from| of[from] * whole[from])),
         })
     }
 }
@@ -230,7 +230,7 @@ fn common(weights: &[[f32; 3]; 3], pixel: &[[[f64; 3]; 3]; 3]) -> Common {
         let pairs = (0..9).map(|i| (i / 3, i % 3));
         pairs.map(|(a, b)| weights[one][a] * weights[other][b] * pixel[from][a][b] as f32).sum()
     };
-    [0, 1, 2].map(|one| [0, 1, 2].map(|other| [0, 1, 2].map(|from| of(one, other, from))))
+    three(|one| three(|other| three(|from| of(one, other, from))))
 }
 
 /// Whether each colour has its own noise and nothing else, the same in all pixels.

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::filter::{convolve_separable, gaussian};
 use shutterbug::chain::rng::{random_bits, random_normal, seed_words};
 use shutterbug::error::{Error, Result};
-use shutterbug::plane::{Plane, srgb_decode, srgb_encode};
+use shutterbug::plane::{Plane, srgb_decode, srgb_encode, three};
 
 /// Makes frames of a noise-free picture.
 pub trait CameraModel: Sync {
@@ -187,7 +187,7 @@ impl IspCamera {
             picture = bilinear_demosaic(&picture);
         }
         for p in picture.data.chunks_exact_mut(3) {
-            let balanced: [f64; 3] = std::array::from_fn(|c| f64::from(p[c]) * self.white_balance[c]);
+            let balanced = three(|c| f64::from(p[c]) * self.white_balance[c]);
             for (c, row) in self.color_matrix.iter().enumerate() {
                 let value = (0..3).map(|k| row[k] * balanced[k]).sum::<f64>() as f32;
                 p[c] = if self.srgb { srgb_encode(value) } else { value };
@@ -294,7 +294,7 @@ fn subsample(chroma: &Plane<f32>) -> Plane<f32> {
             chroma.pixel(2 * x, y1),
             chroma.pixel(x1, y1),
         ];
-        [0, 1, 2].map(|c| four.iter().map(|p| 0.25 * p[c]).sum::<f32>())
+        three(|c| four.iter().map(|p| 0.25 * p[c]).sum::<f32>())
     });
     // The nearer small sample weighs 3/4, the one on the pixel's other side 1/4.
     let other = |v: usize, n: usize| {
@@ -304,7 +304,7 @@ fn subsample(chroma: &Plane<f32>) -> Plane<f32> {
         let (x0, y0, x1, y1) = (x / 2, y / 2, other(x, w), other(y, h));
         let (a, b, c, d) =
             (small.pixel(x0, y0), small.pixel(x1, y0), small.pixel(x0, y1), small.pixel(x1, y1));
-        [0, 1, 2].map(|k| 0.5625 * a[k] + 0.1875 * (b[k] + c[k]) + 0.0625 * d[k])
+        three(|k| 0.5625 * a[k] + 0.1875 * (b[k] + c[k]) + 0.0625 * d[k])
     })
 }
 

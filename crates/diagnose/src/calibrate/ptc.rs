@@ -61,7 +61,9 @@ impl Curve {
             let bin = ((value * BINS as f32) as usize).min(BINS - 1);
             let (d, l) = (f64::from(encoded.data[at]), f64::from(linear.data[at]));
             let add = [1.0, f64::from(value), f64::from(e.decode(value)), d, d * d, l, l * l];
-            self.sums[bin].iter_mut().zip(add).for_each(|(s, v)| *s += v);
+            for (sum, add) in self.sums[bin].iter_mut().zip(add) {
+                *sum += add;
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::ptc::Estimate;
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, three};
 
 /// Lags whose correlation is reported and fitted, px (x, y).
 pub const LAGS: [(usize, usize); 6] = [(1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (3, 0)];
@@ -99,7 +99,7 @@ pub fn correlations(d: &Plane<f32>, sigma: &Plane<f32>, usable: &[bool]) -> ([Co
     use rayon::prelude::*;
     let size = [d.width, d.height];
     let mask: Vec<f32> = usable.iter().map(|u| f32::from(u8::from(*u))).collect();
-    let channels = [0, 1, 2].map(|c| Standardized::new(d, sigma, usable, c));
+    let channels = three(|c| Standardized::new(d, sigma, usable, c));
     let own: Vec<Correlation> = (0..3)
         .into_par_iter()
         .map(|c| {
@@ -149,7 +149,7 @@ fn line_noise(
     d: &Plane<f32>,
     usable: &[bool],
 ) -> [Estimate; 3] {
-    [0, 1, 2].map(|c| {
+    three(|c| {
         // Gaps between the segments, so that correlated neighbours are in one alone.
         let segment = length / SEGMENTS;
         let means: Vec<[Option<f64>; SEGMENTS]> = (0..lines)

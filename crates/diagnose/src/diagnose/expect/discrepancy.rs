@@ -7,7 +7,7 @@
 use std::sync::LazyLock;
 
 use shutterbug::chain::rng::{random_normal, seed_words};
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, three};
 
 /// Error of a value at an edge, px of displacement, independent from pixel to pixel: sampling of the pixel's area.
 ///
@@ -71,7 +71,7 @@ static OFF: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
         .collect();
     let at = |i: usize| {
         let (draw, colour) = (i / colours, i % colours);
-        [0, 1, 2].map(|c| COLOUR_DN as f32 * own[colour][c][draw] + COMMON_DN as f32 * common[draw])
+        three(|c| COLOUR_DN as f32 * own[colour][c][draw] + COMMON_DN as f32 * common[draw])
     };
     (0..DRAWS * colours).map(at).collect()
 });

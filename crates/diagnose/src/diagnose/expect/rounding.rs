@@ -4,6 +4,7 @@ use std::sync::LazyLock;
 
 use super::discrepancy::COLOUR_DN;
 use shutterbug::plane::stats::erf;
+use shutterbug::plane::three;
 
 /// Mean and variance of a delivered value, a whole number of DN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -67,7 +68,7 @@ pub(crate) fn rounded(mean: f32, free: f32) -> Rounded {
     let (i, j) = ((x as usize).min(TABLE[0] - 2), (y as usize).min(TABLE[1] - 2));
     let (fx, fy) = (x - i as f32, y - j as f32);
     let at = |i: usize, j: usize| ROUNDED[j * TABLE[0] + i];
-    let [moved, free, common] = [0, 1, 2].map(|k| {
+    let [moved, free, common] = three(|k| {
         let row = |j: usize| at(i, j)[k] * (1.0 - fx) + at(i + 1, j)[k] * fx;
         row(j) * (1.0 - fy) + row(j + 1) * fy
     });

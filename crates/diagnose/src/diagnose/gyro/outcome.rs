@@ -18,7 +18,7 @@ use crate::diagnose::tell::describe::{listed, undetermined};
 use crate::diagnose::tell::output::{make_folders, write_five};
 use shutterbug::camera::ScanOrder;
 use shutterbug::error::Result;
-use shutterbug::plane::{Plane, write_atomic};
+use shutterbug::plane::{Plane, three, write_atomic};
 
 /// Most pairs of frames with pictures.
 const MOST_SHOWN: usize = 8;
@@ -386,7 +386,7 @@ fn moved(footage: &Footage, first: &Plane<f32>, [a, b]: [usize; 2], n: &Numbers)
             let from_s = time_s(footage, n, a, before);
             before = centre + focal * seen(footage, n, (px - centre) / focal, to_s, from_s);
         }
-        [0, 1, 2].map(|c| channel_at(first, [before.x as f32, before.y as f32], c))
+        three(|c| channel_at(first, [before.x as f32, before.y as f32], c))
     };
     let data: Vec<f32> = (0..w * h).into_par_iter().flat_map_iter(one).collect();
     Plane { data, ..*first }

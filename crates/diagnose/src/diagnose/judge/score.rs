@@ -312,7 +312,7 @@ pub(crate) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore
                 true => (a.alike.sqrt() - b.alike.sqrt()).powi(2),
                 false => a.alike + b.alike,
             };
-            let off = drawn + alike + [a, b].map(|v| v.single + v.common).iter().sum::<f32>();
+            let off = drawn + alike + ((a.single + a.common) + (b.single + b.common));
             // A fixed pattern is the same in both, as strong as their values make it, but for what a file has made of
             // it.
             let pattern = |v: &Seen| (v.left.steady * v.noise.fixed).sqrt();

@@ -8,7 +8,7 @@ use crate::diagnose::expect::settings::settings_of;
 use crate::diagnose::expect::tone::{Tone, dn_per_linear, noiseless};
 use shutterbug::chain::rng::random_uniform;
 use shutterbug::effects::BayerMosaic;
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, three};
 use shutterbug::reference::moments::mixed;
 
 /// Frames that are looked at, and the side of the square in the middle of each, px: it is even.
@@ -80,7 +80,7 @@ impl Sites {
         let slope = Plane::from_fn(dn.width, dn.height, |x, y| {
             let seen = dn.pixel(x, y);
             let of = |c: usize| dn_per_linear(tone, seen[c], c);
-            if is_whole(&dn, x, y) { [0, 1, 2].map(of) } else { [0.0; 3] }
+            if is_whole(&dn, x, y) { three(of) } else { [0.0; 3] }
         });
         Self { linear: [linear(&|_| 0.0), linear(&random)], slope }
     }

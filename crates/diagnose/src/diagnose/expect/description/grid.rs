@@ -130,8 +130,10 @@ impl Grid {
 
 /// Weights of the corners of a cell for a place in it.
 pub(crate) fn weights([x, y, z]: [f32; 3]) -> [f32; 8] {
-    std::array::from_fn(|i| {
+    let mut out = [0.0; 8];
+    for (i, weight) in out.iter_mut().enumerate() {
         let part = |bit: usize, v: f32| if i >> bit & 1 == 1 { v } else { 1.0 - v };
-        part(0, x) * part(1, y) * part(2, z)
-    })
+        *weight = part(0, x) * part(1, y) * part(2, z);
+    }
+    out
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::grid::{Grid, NONE, PARTS, Part, Surface, weights};
 use super::reconstruct::{Places, mixed};
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, three};
 use shutterbug::reference::moments::Lattice;
 
 /// Logarithm by which pictures are brightened to see what a factor does.
@@ -240,7 +240,7 @@ impl<'a> Takeover<'a> {
     ) -> Self {
         let weight = |(f, i): (usize, usize)| {
             let value = |c: usize| weights[f][3 * i + c] * slopes[f][3 * i + c].powi(2) + 1e-9;
-            (seen[f].0[i], seen[f].1[i], [0, 1, 2].map(value))
+            (seen[f].0[i], seen[f].1[i], three(value))
         };
         Self { seen, slopes, places: Places::new(grid, places_of(seen).map(weight)) }
     }
@@ -252,7 +252,7 @@ impl<'a> Takeover<'a> {
                 let slope = self.slopes[f][3 * i + c];
                 slope * pictures[f][3 * i + c] / (slope.powi(2) + 1.0)
             };
-            [0, 1, 2].map(value)
+            three(value)
         };
         let mut left: Vec<[f32; 3]> = places_of(self.seen).map(left).collect();
         let field = self.places.reconstructed(&mut left, 2 * PASSES);

@@ -12,8 +12,8 @@ use super::{Geometry, GoOn, SimFrames, encoded};
 use crate::diagnose::evidence::quality::Quality;
 use shutterbug::camera::{Intrinsics, Trajectory};
 use shutterbug::error::{Error, Result};
-use shutterbug::plane::Plane;
 use shutterbug::plane::stats::median;
+use shutterbug::plane::{Plane, three};
 
 /// Pairs of frames that are looked at.
 const LOOKED_AT: usize = 5;
@@ -99,7 +99,7 @@ fn carried(frames: &SimFrames, k: &Intrinsics, path: Option<&Trajectory>, i: usi
     let inside = |s: &Vec2| s.x > 0.0 && s.y > 0.0 && s.x < w as f32 && s.y < h as f32;
     let data = (0..w * h).flat_map(|at| match to(at).filter(inside) {
         Some(s) => read(&after.radiance, s, Quality::Fine),
-        None => [0, 1, 2].map(|c| after.radiance.data[3 * at + c]),
+        None => three(|c| after.radiance.data[3 * at + c]),
     });
     Some(encoded(&Plane { width: w, height: h, channels: 3, data: data.collect() }))
 }

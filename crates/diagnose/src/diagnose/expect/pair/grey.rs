@@ -64,8 +64,8 @@ impl Grey {
         };
         // Places one pixel apart have the same weights.
         let across = |row: &[f32; 4], k: usize| row[k] * (1.0 - fx) + row[k + 1] * fx;
-        let rows = [0, 1, 2, 3].map(row);
-        let column = [0, 1, 2, 3].map(|j| across(rows[j], 1));
+        let rows = [row(0), row(1), row(2), row(3)];
+        let column = [across(rows[0], 1), across(rows[1], 1), across(rows[2], 1), across(rows[3], 1)];
         let down = |j: usize| column[j] * (1.0 - fy) + column[j + 1] * fy;
         let beside = |k: usize| across(rows[1], k) * (1.0 - fy) + across(rows[2], k) * fy;
         [down(1), 0.5 * (beside(2) - beside(0)), 0.5 * (down(2) - down(0))]

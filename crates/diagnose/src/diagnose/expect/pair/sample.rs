@@ -4,7 +4,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use crate::diagnose::evidence::quality::Quality;
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, three};
 
 /// Most steps by which a motion is turned round.
 const STEPS: usize = 6;
@@ -61,23 +61,26 @@ struct Around {
 impl Around {
     fn of(plane: &Plane<f32>, [x, y]: [f32; 2]) -> Self {
         let (x0, y0) = (x.floor(), y.floor());
-        let near = |at: f32, side: usize| {
-            [-1, 0, 1, 2].map(|k| (at as isize + k).clamp(0, side as isize - 1) as usize)
+        // Places in the data of the four values around a place.
+        let near = |at: f32, side: usize, step: usize| {
+            let one = |k: isize| (at as isize + k).clamp(0, side as isize - 1) as usize * step;
+            [one(-1), one(0), one(1), one(2)]
         };
-        let (column, row) = (plane.channels, plane.channels * plane.width);
         Self {
-            columns: near(x0, plane.width).map(|x| x * column),
-            rows: near(y0, plane.height).map(|y| y * row),
+            columns: near(x0, plane.width, plane.channels),
+            rows: near(y0, plane.height, plane.channels * plane.width),
             weights: [cubic(x - x0), cubic(y - y0)],
         }
     }
 
     fn read(&self, data: &[f32], channel: usize) -> f32 {
         let [across, down] = self.weights;
-        let row = |at: usize| -> f32 {
-            self.columns.iter().zip(across).map(|(x, weight)| weight * data[at + x + channel]).sum()
+        let row = |at: usize| {
+            let one = |k: usize| across[k] * data[at + self.columns[k] + channel];
+            one(0) + one(1) + one(2) + one(3)
         };
-        self.rows.iter().zip(down).map(|(at, weight)| weight * row(*at)).sum::<f32>().max(0.0)
+        let one = |k: usize| down[k] * row(self.rows[k]);
+        (one(0) + one(1) + one(2) + one(3)).max(0.0)
     }
 }
 
@@ -87,7 +90,7 @@ pub(super) fn read(plane: &Plane<f32>, s: Vec2, quality: Quality) -> [f32; 3] {
     let (x, y) = ((s.x - 0.5).clamp(-1.0, w as f32), (s.y - 0.5).clamp(-1.0, h as f32));
     if quality != Quality::Coarse {
         let around = Around::of(plane, [x, y]);
-        return [0, 1, 2].map(|c| around.read(&plane.data, c));
+        return three(|c| around.read(&plane.data, c));
     }
     let (x0, y0) = (x.floor() as isize, y.floor() as isize);
     let (fx, fy) = (x - x0 as f32, y - y0 as f32);
@@ -99,7 +102,7 @@ pub(super) fn read(plane: &Plane<f32>, s: Vec2, quality: Quality) -> [f32; 3] {
             (0..3).for_each(|c| out[c] += wx * wy * plane.data[i + c]);
         }
     }
-    out.map(|v| v.max(0.0))
+    three(|c| out[c].max(0.0))
 }
 
 /// One channel of a picture at a place, px.

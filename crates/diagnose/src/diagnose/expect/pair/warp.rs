@@ -22,7 +22,7 @@ use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::{Tone, mixed_noise};
 use shutterbug::camera::{Pose, ScanOrder, ShutterTiming};
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, three};
 
 /// Most steps of the search for a place.
 const STEPS: usize = 6;
@@ -254,7 +254,7 @@ impl<'a> Reader<'a> {
             let at = |x: usize, y: usize, c: usize| mean.data[3 * (y * w + x) + c];
             let (column, row) = (b.x.clamp(0.0, w as f32 - 1.0), b.y.clamp(0.0, h as f32 - 1.0));
             let picture = self.outside.sim.frames[j].radiance.pixel(column as usize, row as usize);
-            [0, 1, 2].map(|c| {
+            three(|c| {
                 let gx = 0.5 * (at((x + 1).min(w - 1), y, c) - at(x.saturating_sub(1), y, c));
                 let gy = 0.5 * (at(x, (y + 1).min(h - 1), c) - at(x, y.saturating_sub(1), c));
                 let lies = off_px * off_px;

@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 use rayon::prelude::*;
 
 use crate::diagnose::evidence::Evidence;
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, three};
 
 /// How far above its neighbours a stuck pixel is, DN.
 const ABOVE_DN: f32 = 25.0;
@@ -62,7 +62,7 @@ impl HotMap {
                 };
                 let stands_out = |c: usize| above(c) && is_steady_spot(&reals, x, y, c);
                 if (0..3).any(stands_out) {
-                    let mean = [0, 1, 2].map(|c| {
+                    let mean = three(|c| {
                         let sum: f32 = frames.iter().map(|&at| evidence.frames[at].dn.data[3 * i + c]).sum();
                         sum / frames.len() as f32
                     });
@@ -188,7 +188,7 @@ pub(crate) fn steady_spots(frames: &[&Plane<f32>]) -> usize {
     };
     let (w, h) = (first.width, first.height);
     let spot = |i: &usize| (0..3).any(|c| is_steady_spot(frames, i % w, i / w, c));
-    let value = |i: usize| (i, [0, 1, 2].map(|c| first.data[3 * i + c]));
+    let value = |i: usize| (i, three(|c| first.data[3 * i + c]));
     let spots: Vec<_> = (0..w * h).into_par_iter().filter(spot).map(value).collect();
     if is_drawn(&spots, w) { 0 } else { spots.len() }
 }

@@ -14,8 +14,8 @@ use crate::diagnose::expect::tone::{
     Tone, noise_gain, noise_gains, noiseless, row_kept, row_seen, shared, shows_steps,
 };
 use crate::diagnose::packing::Packing;
-use shutterbug::plane::Plane;
 use shutterbug::plane::stats::{LUMA, robust_variance};
+use shutterbug::plane::{Plane, three};
 use shutterbug::reference::moments::Sources;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
@@ -85,7 +85,7 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
     /// The linear value of the sensor whose noise a simulated value has: the mean over the colours that it comes from.
     fn source(&self, sources: &Sources, f: usize, i: usize) -> Option<f32> {
         let (mean, c) = (&self.means[f].borrow().data, i % 3);
-        let colour = [0, 1, 2].map(|k| self.values(f, i - c + k).map(|v| v[1]));
+        let colour = three(|k| self.values(f, i - c + k).map(|v| v[1]));
         let grey = |k: usize| self.tables.decode(colour[k].unwrap_or(mean[i - c + k]).clamp(0.0, 255.0), k);
         let greys = [grey(0), grey(1), grey(2)];
         let sensor = |from: usize| (0..3).map(|k| sources.back[from][k] * greys[k]).sum::<f32>().max(0.0);
@@ -452,7 +452,7 @@ impl Values {
 fn factors(theta: &Theta, kind: usize, sources: &Sources) -> [f32; 3] {
     let own = noise_gains(theta, kind);
     let all = own.iter().sum::<f64>() / 3.0;
-    [0, 1, 2].map(|c| (all / (own[c] * f64::from(sources.kept[c]))).sqrt() as f32)
+    three(|c| (all / (own[c] * f64::from(sources.kept[c]))).sqrt() as f32)
 }
 
 /// Variance of rounding and of dither, squares of the linear value.

@@ -20,9 +20,13 @@ impl Line {
     /// row, where it is one draw, and its variance in a column.
     fn add(&mut self, v: &Seen, share: f32, of_rows: f32, drawn: &[Arc<Plane<f32>>], i: usize) {
         let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
-        let add = [v.error, free, of_rows, 1.0, v.single, v.common].map(f64::from);
-        (0..6).for_each(|k| self.sums[k] += add[k]);
-        self.drawn.iter_mut().zip(drawn).for_each(|(sum, draw)| *sum += f64::from(draw.data[i]));
+        let add = [v.error, free, of_rows, 1.0, v.single, v.common];
+        for (sum, add) in self.sums.iter_mut().zip(add) {
+            *sum += f64::from(add);
+        }
+        for (sum, draw) in self.drawn.iter_mut().zip(drawn) {
+            *sum += f64::from(draw.data[i]);
+        }
     }
 
     /// Variance of the mean that correct simulations may differ by; `alike`: see [`Alike::in_mean`].
