@@ -1,4 +1,4 @@
-//! What renders and pictures leave behind: what is kept of the engines' work. And the engines.
+//! The engines, and what is kept of their work.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;

@@ -34,6 +34,7 @@ const SPEED_STEP_S: f64 = 2e-3;
 
 /// Renders the frames of a capture for any parameters.
 pub(crate) struct Forward {
+    /// Of both benches.
     pub(crate) engines: Engines,
     pub(crate) bench: Bench,
     /// The other bench: while something is tried, the one that waits; else the one for what is tried.

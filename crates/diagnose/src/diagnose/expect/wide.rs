@@ -51,6 +51,7 @@ impl Forward {
         // A lens that folds has places without end.
         let needed = (beyond.ceil() as u32).saturating_add(6).min(k.width.max(k.height) / 2);
         if needed > self.bench.wide.margin_px {
+            self.engines.wide = Default::default();
             self.bench.wide.kept.clear();
             self.bench.wide.margin_px = needed.max(24).next_multiple_of(8);
             self.forget_wide();
