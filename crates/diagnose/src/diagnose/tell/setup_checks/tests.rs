@@ -27,13 +27,17 @@ fn simulated(count: usize) -> Vec<Plane<f32>> {
 }
 
 fn said(real: Vec<Plane<f32>>) -> String {
-    let count = real.len();
+    let simulated = simulated(real.len());
+    said_beside(&simulated, real)
+}
+
+fn said_beside(simulated: &[Plane<f32>], real: Vec<Plane<f32>>) -> String {
     let frames = real.into_iter().enumerate();
     let evidence = Evidence {
         frames: frames.map(|(index, dn)| RealFrame { index, start_s: index as f64, dn: dn.into() }).collect(),
         ..Evidence::of_one(Plane::new(1, 1, 3))
     };
-    set_up(&evidence, &simulated(count)).join(" | ")
+    set_up(&evidence, simulated).join(" | ")
 }
 
 fn changed(f: impl Fn(&Plane<f32>, usize, usize) -> [f32; 3]) -> Vec<Plane<f32>> {
@@ -101,6 +105,20 @@ fn what_a_camera_does_is_no_fault_of_the_set_up() {
     ];
     for (name, real) in cameras {
         assert_eq!(said(real), "", "{name}");
+    }
+}
+
+/// A contrast does to some scenes nearly what a stretch from 16 to 235, or none, does.
+#[test]
+fn a_strong_contrast_is_no_limited_range() {
+    for (from, to, contrast) in
+        [(110.0, 200.0, -0.45), (110.0, 210.0, -0.6), (60.0, 100.0, 0.3), (10.0, 220.0, 0.6)]
+    {
+        let scene = changed(|p, x, y| [from + (at(p, x, y)[0] - 30.0) / 190.0 * (to - from); 3]);
+        let bend = |v: f32| v + contrast * v * (1.0 - v / 255.0) * (2.0 * v / 255.0 - 1.0);
+        let bent =
+            scene.iter().map(|p| Plane { data: p.data.iter().map(|v| bend(*v)).collect(), ..*p }).collect();
+        assert_eq!(said_beside(&scene, bent), "", "{from} to {to}, {contrast}");
     }
 }
 
