@@ -73,13 +73,13 @@ impl Sums {
         self.least.len().max(1) as f64
     }
 
-    fn add(&mut self, values: impl Iterator<Item = f32> + Clone) {
-        let mean = values.clone().map(f64::from).sum::<f64>() / self.pixels();
-        self.squares += values.clone().map(|v| (f64::from(v) - mean).powi(2)).sum::<f64>() / self.pixels();
+    fn add(&mut self, values: &[f32]) {
+        let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / self.pixels();
+        self.squares += values.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / self.pixels();
         for ((sum, least), v) in self.sums.data.iter_mut().zip(&mut self.least).zip(values) {
             *sum += v;
-            *least = least.min(v);
-            self.black += usize::from(v <= 0.0);
+            *least = least.min(*v);
+            self.black += usize::from(*v <= 0.0);
         }
     }
 
@@ -140,11 +140,11 @@ impl DarkSums {
             let size = [encoded.width, encoded.height];
             (self.pattern, self.colours) = (Sums::of(size), Sums::of(size));
         }
-        let n = encoded.channels as f32;
-        let encoding = self.encoding;
-        let pixels = encoded.data.chunks_exact(encoded.channels);
-        self.pattern.add(pixels.clone().map(|p| encoding.decode(of_pattern(p))));
-        self.colours.add(pixels.map(|p| p.iter().map(|v| encoding.decode(*v)).sum::<f32>() / n));
+        let n = encoded.channels;
+        let light: Vec<f32> = encoded.data.iter().map(|v| self.encoding.decode(*v)).collect();
+        let of_pixels = |f: &dyn Fn(&[f32]) -> f32| light.chunks_exact(n).map(f).collect::<Vec<f32>>();
+        self.pattern.add(&of_pixels(&of_pattern));
+        self.colours.add(&of_pixels(&|p| p.iter().sum::<f32>() / n as f32));
         self.frames += 1;
     }
 
