@@ -82,7 +82,7 @@ fn constants(text: &str) -> Vec<Constant> {
 fn table() -> String {
     let mut out = String::from(
         "# Numbers that decide a diagnosis\n\n\
-         Generated from `crates/diagnose/src/diagnose` by `tests/diagnose/constants.rs`. Captures are those of \
+         Generated from `crates/diagnose/src/diagnose` by `tests/diagnose/constants.rs`. Captures are those of\n\
          `../shared/data/cycles-dev`.\n\n| number | value | what it is | measured |\n|---|---|---|---|\n",
     );
     for file in FILES {

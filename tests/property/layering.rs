@@ -299,15 +299,17 @@ fn violations(home: &Crate, relative: &Path, text: &str) -> Vec<String> {
 
 /// Sources below a folder.
 pub(crate) fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+    files_ending(&["rs", "comp", "vert", "frag", "glsl", "h", "c", "cpp"], folder, found);
+}
+
+/// Adds the files below a folder whose names end so.
+pub(crate) fn files_ending(endings: &[&str], folder: &Path, found: &mut Vec<PathBuf>) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries {
         let path = entry.expect("a folder that can be opened can be read").path();
         if path.is_dir() {
-            files(&path, found);
-        } else if ["rs", "comp", "vert", "frag", "glsl", "h", "c", "cpp"]
-            .iter()
-            .any(|e| path.extension().is_some_and(|x| x == *e))
-        {
+            files_ending(endings, &path, found);
+        } else if endings.iter().any(|e| path.extension().is_some_and(|x| x == *e)) {
             found.push(path);
         }
     }

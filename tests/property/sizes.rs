@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::layering::{code_only, files, line_of, words};
+use super::layering::{code_only, files, files_ending, line_of, words};
 
 const FILE_LINES: usize = 600;
 /// In src and crates: from the line of `fn` to that of the last brace.
@@ -98,6 +98,46 @@ fn files_functions_and_lines_are_short() {
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }
 
+/// The pages that `tools/reference` and benches write.
+const WRITTEN_BY_A_PROGRAM: &[&str] = &[
+    "docs/measurements/passes.md",
+    "docs/reference/camera.md",
+    "docs/reference/cli.md",
+    "docs/reference/header.md",
+    "docs/reference/report.md",
+];
+
+/// Lines of text. Rows of tables and code cannot be wrapped: they become empty lines.
+fn prose(page: &str) -> String {
+    let mut code = false;
+    let line = |line: &str| {
+        let fence = line.trim_start().starts_with("```");
+        code ^= fence;
+        let kept = !(code || fence || line.trim_start().starts_with('|'));
+        format!("{}\n", if kept { line } else { "" })
+    };
+    page.lines().map(line).collect()
+}
+
+#[test]
+fn pages_are_no_wider_than_code() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut paths = vec![root.join("README.md"), root.join("ARCHITECTURE.md")];
+    ["docs", "python"].iter().for_each(|f| files_ending(&["md"], &root.join(f), &mut paths));
+    let mut wrong = Vec::new();
+    let mut count = 0;
+    for path in &paths {
+        let name = path.strip_prefix(root).expect("found below the root").display().to_string();
+        let text = fs::read_to_string(path).unwrap_or_else(|e| panic!("{name}: {e}"));
+        count += 1;
+        if !WRITTEN_BY_A_PROGRAM.contains(&name.as_str()) {
+            wrong.extend(wide_lines(&name, &prose(&text)));
+        }
+    }
+    assert!(count > 30, "only {count} pages found");
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
 /// Controls: what is one line or one column too long is found, what just fits is not.
 #[test]
 fn what_is_too_long_is_found() {
@@ -115,5 +155,7 @@ fn what_is_too_long_is_found() {
     let line = "é".repeat(COLUMNS);
     assert!(wide_lines("x", &line).is_empty());
     assert_eq!(wide_lines("x", &format!("\n{line}x")), ["x:2: 121 columns, at most 120"]);
+    let page = format!("{line}x\n| {line} |\n```\n{line}x\n```\n{line}x\n");
+    assert_eq!(wide_lines("x", &prose(&page)), [1, 6].map(|n| format!("x:{n}: 121 columns, at most 120")));
     assert!(too_long("x", &"\n".repeat(601)).is_some() && too_long("x", &"\n".repeat(600)).is_none());
 }
