@@ -234,7 +234,8 @@ fn in_the_way(rows: &[(String, Vec<f64>)], sizes: &[[u32; 2]]) -> String {
     let mut dear: Vec<(f64, &str)> = in_full().map(|e| (of(&within(e.id())), e.id())).collect();
     dear.sort_by(|a, b| b.0.total_cmp(&a.0));
     let named: Vec<String> = dear.iter().take(8).map(|(ms, id)| format!("{id} {ms:.1}")).collect();
-    format!("{said}; {GOAL} is missed. In the way, ms in the full chain: {}.", named.join(", "))
+    let lines: Vec<String> = named.chunks(4).map(|four| four.join(", ")).collect();
+    format!("{said}; {GOAL} is missed.\nIn the way, ms in the full chain: {}.", lines.join(",\n"))
 }
 
 const GOAL: f64 = 1.5;

@@ -14,7 +14,8 @@ pub fn write_page(name: &str, device: &str, text: &str, (bars, unit): (&[(String
     let date = said("date", &["-u", "+%Y-%m-%d %H:%M UTC"]);
     let page = format!(
         "# Measured: `{name}`\n\n`cargo bench --bench {name}` writes this page when it has run as a whole.\n\n\
-         {date}, commit {commit}, {device}. Load of the machine over 1, 5 and 15 minutes: {load}.\n\n\
+         {date}, commit {commit}, {device}.\n\
+         Load of the machine over 1, 5 and 15 minutes: {load}.\n\n\
          ![Times of {name}]({name}.svg)\n\n{}\n",
         text.trim()
     );
