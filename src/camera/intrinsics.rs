@@ -31,6 +31,8 @@ const SHORTEST_FOCAL: f64 = 0.05;
 const SQUARE: f64 = 0.05;
 /// How far from the middle the optical axis may lie, in sides: further off are cut pictures, and other sizes' numbers.
 const AXIS_OFF: f64 = 0.25;
+/// How many times nearer the middle the optical axis lies with width and height exchanged, if they are exchanged.
+const NEARER: f64 = 4.0;
 
 impl Intrinsics {
     /// That focal lengths are hardly px.
@@ -49,6 +51,12 @@ impl Intrinsics {
         })
     }
 
+    /// How far the optical axis lies from the middle of a picture, px.
+    fn axis_off_px(&self, size: [u32; 2]) -> f64 {
+        let [w, h] = size.map(f64::from);
+        (self.cx - 0.5 * w).hypot(self.cy - 0.5 * h)
+    }
+
     /// What ordinary cameras are not, a sentence each: cameras have square pixels, and look along the middle of their
     /// picture.
     pub fn doubts(&self) -> Vec<String> {
@@ -61,7 +69,15 @@ impl Intrinsics {
             ));
         }
         let off = |at: f64, side: u32| (at / f64::from(side) - 0.5).abs() >= AXIS_OFF;
-        if off(self.cx, self.width) || off(self.cy, self.height) {
+        let is_exchanged = self.axis_off_px([self.height, self.width]) * NEARER
+            < self.axis_off_px([self.width, self.height]);
+        if is_exchanged {
+            all.push(format!(
+                "the optical axis at ({:.0}, {:.0}) px is the middle of a picture of {}x{} px, not of {}x{} px: are \
+                 width and height exchanged?",
+                self.cx, self.cy, self.height, self.width, self.width, self.height
+            ));
+        } else if off(self.cx, self.width) || off(self.cy, self.height) {
             all.push(format!(
                 "the optical axis at ({:.0}, {:.0}) px of a picture of {}x{} px, expected within the middle half: \
                  pictures that were cut or shifted, or numbers of another size",
@@ -134,6 +150,12 @@ mod tests {
         // Those of a picture twice as large.
         says(Intrinsics { fx: 1000.0, fy: 1010.0, cx: 660.0, cy: 460.0, ..usual }, &["optical axis"]);
         says(Intrinsics { fy: 600.0, ..usual }, &["square"]);
+        // EuRoC's camera, 752x480, with its sides exchanged, and this one.
+        let turned = Intrinsics { width: 480, height: 752, fx: 458.7, fy: 457.3, cx: 367.7, cy: 248.9 };
+        says(turned, &["exchanged"]);
+        says(Intrinsics { width: 480, height: 640, ..usual }, &["exchanged"]);
+        let square = Intrinsics { width: 500, height: 501, cx: 230.0, cy: 270.0, ..usual };
+        assert!(square.doubts().is_empty(), "control: {:?}", square.doubts());
     }
 
     #[test]

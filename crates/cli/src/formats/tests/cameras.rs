@@ -117,6 +117,8 @@ fn kalibr_cameras_are_read_by_name() {
         assert!(notes.iter().any(|n| n.contains(said)), "{said}: {notes:#?}");
     }
     assert_eq!(notes.len(), 2, "{notes:#?}");
+    let turned = read(&KALIBR.replace("[752, 480]", "[480, 752]")).notes;
+    assert!(turned.iter().any(|n| n.contains("exchanged")), "{turned:#?}");
     let Imported { camera, notes } = kalibr(KALIBR, "cam1");
     assert_eq!(camera.distortion, Distortion::Equidistant { k: [-0.01, 0.02, -0.01, 0.002] });
     assert_eq!(camera.line_delay_s(), None);

@@ -175,6 +175,14 @@ fn a_lens_profile_keeps_every_model_but_division_to_the_last_bit() {
         assert_eq!(RollingShutter::scan_order(&back.camera.settings).name(), "bottom_to_top");
         assert_eq!(CameraModel { settings: readout, ..back.camera }, camera, "{text}");
     }
+    // An error that no lens of the model has is said, one of ordinary profiles is not.
+    let (text, _) = written(&CameraModel::new("camera", k), Format::Gyroflow);
+    let with = |rms: &str| {
+        let text = text.replace("\"camera_matrix\"", &format!("\"RMS_error\": {rms}, \"camera_matrix\""));
+        parse_camera(Path::new("lens.json"), &text, None, None).expect("a profile").notes
+    };
+    assert!(with("12.0").iter().any(|n| n.contains("by 12 px")), "{:?}", with("12.0"));
+    assert_eq!(with("0.9").len() + 1, with("12.0").len(), "control");
     // Control: another program's model is refused by name, not read as one of these.
     let (text, _) = written(&CameraModel::new("camera", k), Format::Gyroflow);
     let other = text.replace("opencv_standard", "poly5");
