@@ -3,10 +3,15 @@
 //! noisy it was before. Behind a mosaic, those are the values that the sites saw themselves. What else mixes pixels or
 //! colours behind the converter fills the places between; nothing is told then.
 
+use rayon::prelude::*;
+
 use crate::diagnose::evidence::{Evidence, spread_out};
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::{Tone, dn_per_linear};
+use crate::diagnose::expect::vector::PLACES;
 use crate::diagnose::search::sites::own;
+use shutterbug::chain::Moments;
+use shutterbug::effects;
 use shutterbug::plane::Plane;
 
 /// Frames that are looked at.
@@ -14,38 +19,70 @@ const FRAMES: usize = 4;
 /// How far a delivered value lies from its even place at most, DN: half by rounding, and a tenth by what the encoding
 /// is off.
 const OFF_DN: f64 = 0.6;
+/// Lines that are tried where the first one comes near, and how near: times that.
+const TURNS: usize = 12;
+/// See [`TURNS`].
+const NEAR: f64 = 2.0;
 /// Least evidence, nats: values that were not rounded lie at even places by chance.
 const LEAST_NATS: f64 = 20.0;
+/// Strengths of a curve that are tried: the next one puts no value more than a quarter of a DN elsewhere.
+const CURVES: usize = 1024;
 /// Coarsest and finest depth that shows in values of 8 bits, bit.
 const BITS: std::ops::RangeInclusive<u8> = 2..=7;
 
-/// The depth that the frames (places) show, of the camera `base`, bit; none where they show none.
+/// The depth that the frames (places) show, of the camera `base`, bit; none where they show none. Where a curve behind
+/// the converter is not known yet, the one is taken under which the values are even.
 pub(crate) fn bits(evidence: &Evidence, frames: &[usize], base: &Theta) -> Option<u8> {
-    let tone = Tone::new(base);
     let some: Vec<_> =
         spread_out(frames, FRAMES).iter().map(|&at| own(&evidence.frames[at].dn, base)).collect();
+    let values: [Vec<u8>; 3] = std::array::from_fn(|channel| occurring(&some, channel));
+    let told = depth(&values, base);
+    let few = told.is_none() && values.iter().all(|v| v.len() <= 1 << BITS.end());
+    let behind = if few { behind_curves(&values, base) } else { Vec::new() };
+    let (bits, nats) = told.into_iter().chain(behind).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    tracing::debug!("a converter of {bits} bit, {nats:.0} nats");
+    Some(bits)
+}
+
+/// The depth behind each curve that tells one, and the evidence for it beyond that of having tried so many.
+fn behind_curves(values: &[Vec<u8>; 3], base: &Theta) -> Vec<(u8, f64)> {
+    let is_curve = |p: &&P| {
+        let effect = effects::by_id(p.spec().effect);
+        effect.is_some_and(|e| matches!(e.moments(), Moments::Curve)) && !base.is_on(**p)
+    };
+    let curves: Vec<P> = PLACES.iter().filter(is_curve).copied().collect();
+    let tried = (curves.len() * CURVES) as f64;
+    let all = curves.into_par_iter().flat_map(|p| (0..CURVES).into_par_iter().map(move |k| (p, k)));
+    let told = all.filter_map(|(p, k)| {
+        let [from, to] = p.spec().range;
+        let (bits, nats) =
+            depth(values, &base.with(p, from + (to - from) * (k as f64 + 0.5) / CURVES as f64))?;
+        let nats = nats - tried.ln();
+        (nats > LEAST_NATS).then_some((bits, nats))
+    });
+    told.collect()
+}
+
+/// The depth under which the values of the three colours are evenly apart, bit, and the evidence for it, nats.
+fn depth(values: &[Vec<u8>; 3], camera: &Theta) -> Option<(u8, f64)> {
+    let tone = Tone::new(camera);
     let (mut nats, mut channels) = (0.0, Vec::new());
-    for channel in 0..3 {
-        let values = occurring(&some, channel);
-        if values.len() < 4 {
-            continue;
-        }
-        let even = evenly(&values, &tone, channel)?;
+    for (channel, values) in values.iter().enumerate().filter(|(_, values)| values.len() >= 4) {
+        let even = evenly(values, &tone, channel)?;
         nats += even.nats;
         channels.push((channel, even));
     }
     channels.sort_by(|a, b| a.1.step.total_cmp(&b.1.step));
     let step = channels.get(channels.len() / 2)?.1.step;
     let bits = (1.0 / step + 1.0).log2().round() as u8;
-    tracing::debug!("values are {step:.4} apart, {bits} bit, {nats:.0} nats");
     if nats <= LEAST_NATS || !BITS.contains(&bits) {
         return None;
     }
     // A white balance scales red and blue; green has the steps of the depth. Values that a mosaic filled in between
     // those of 15 steps are 60 steps apart, and no depth has 60.
-    let whole = Tone::new(&base.with(P::Bits, f64::from(bits))).step_linear(1);
+    let whole = Tone::new(&camera.with(P::Bits, f64::from(bits))).step_linear(1);
     let is_whole = |(channel, even): &(usize, Even)| *channel != 1 || (even.step - whole).abs() <= even.off;
-    channels.iter().all(is_whole).then_some(bits)
+    channels.iter().all(is_whole).then_some((bits, nats))
 }
 
 /// Values of a channel that occur and are not clipped, DN, rising.
@@ -84,28 +121,49 @@ fn evenly(values: &[u8], tone: &Tone, channel: usize) -> Option<Even> {
     Some(Even { step, off: OFF_DN as f32 * ends / count as f32, nats })
 }
 
-/// The step, if each linear value is one of `count` steps from the first to the last: those of a line through all, from
-/// which each is off by no more than rounding. `slopes`: DN a linear unit at each.
+/// The step, if each linear value is one of `count` steps from the first to the last: those of a line from which each
+/// is off by no more than rounding. `slopes`: DN a linear unit at each.
+///
+/// The line of least squares may miss a value by more than another line misses any: where it comes near, the values
+/// that it misses most get more weight, turn by turn (Lawson 1961).
 fn step_of(linear: &[f32], slopes: &[f32], count: usize) -> Option<f32> {
     let (first, last) = (linear[0], linear[linear.len() - 1]);
     let steps = |l: f32| f64::from((l - first) / (last - first) * count as f32).round();
+    let points: Vec<[f64; 2]> = linear.iter().map(|l| [steps(*l), f64::from(*l)]).collect();
+    let mut weights: Vec<f64> = slopes.iter().map(|s| f64::from(*s).powi(2)).collect();
+    for _ in 0..TURNS {
+        let [at, step] = line(&points, &weights);
+        let off = |([k, l], slope): (&[f64; 2], &f32)| (l - at - step * k).abs() * f64::from(*slope);
+        let offs: Vec<f64> = points.iter().zip(slopes).map(off).collect();
+        let worst = offs.iter().copied().fold(0.0, f64::max);
+        if worst <= OFF_DN {
+            return Some(step as f32);
+        }
+        if worst > NEAR * OFF_DN {
+            return None;
+        }
+        weights.iter_mut().zip(&offs).for_each(|(w, off)| *w *= off / worst);
+    }
+    None
+}
+
+/// Where a line of least squares begins, and its slope.
+fn line(points: &[[f64; 2]], weights: &[f64]) -> [f64; 2] {
     let mut sums = [0.0; 5];
-    for (l, slope) in linear.iter().zip(slopes) {
-        let (k, l, w) = (steps(*l), f64::from(*l), f64::from(*slope).powi(2));
-        for (sum, term) in sums.iter_mut().zip([w, w * k, w * k * k, w * l, w * k * l]) {
+    for ([k, l], w) in points.iter().zip(weights) {
+        for (sum, term) in sums.iter_mut().zip([*w, w * k, w * k * k, w * l, w * k * l]) {
             *sum += term;
         }
     }
     let [w, k, kk, l, kl] = sums;
-    let step = (w * kl - k * l) / (w * kk - k * k);
-    let at = |v: f32| (l - step * k) / w + step * steps(v);
-    let off = |(v, slope): (&f32, &f32)| (f64::from(*v) - at(*v)).abs() * f64::from(*slope);
-    linear.iter().zip(slopes).all(|o| off(o) <= OFF_DN).then_some(step as f32)
+    let slope = (w * kl - k * l) / (w * kk - k * k);
+    [(l - slope * k) / w, slope]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::expect::model::candidate_of;
     use crate::diagnose::expect::settings::settings_of;
     use shutterbug::chain::rng::random_uniform;
     use shutterbug::reference::moments::mixed;
@@ -117,7 +175,7 @@ mod tests {
 
     /// The same behind what mixes pixels in a camera of `theta`.
     fn frame_of(bits: Option<i32>, theta: &Theta) -> Evidence {
-        let tone = Tone::new(&Theta::neutral());
+        let tone = Tone::new(&theta.with(P::Mosaic, 0.0));
         let encode =
             |l: f32| (0..256).map(|dn| dn as f32).find(|dn| tone.decode(dn + 0.5, 0) >= l).unwrap_or(255.0);
         let codes = bits.map(|bits| 2.0f32.powi(bits) - 1.0);
@@ -145,6 +203,19 @@ mod tests {
             assert_eq!(bits(&frame, &[0], &Theta::neutral()), None, "control: all values");
         }
         assert_eq!(bits(&frame_of(None, &mosaic), &[0], &mosaic), None, "control");
+    }
+
+    #[test]
+    fn depths_show_behind_curves_that_are_not_known_yet() {
+        let curves = ["gamma", "tone_curve"].map(|name| candidate_of(name).parameters[0]);
+        for (p, strength) in curves.into_iter().zip([0.83, -0.4]) {
+            let camera = Theta::neutral().with(p, strength);
+            for depth in [4, 5, 6] {
+                let told = bits(&frame_of(Some(depth), &camera), &[0], &Theta::neutral());
+                assert_eq!(told, Some(depth as u8), "{}", p.spec().effect);
+            }
+            assert_eq!(bits(&frame_of(None, &camera), &[0], &Theta::neutral()), None, "control");
+        }
     }
 
     #[test]
