@@ -248,6 +248,7 @@ impl Search<'_> {
         tracing::debug!("noise {data:?}");
         let theta = self.noisy(&data, &found.fit.theta, &names);
         names.retain(|n| candidate_of(n).parameters.iter().any(|&p| theta.get(p) > self.base.get(p)));
+        self.keep_what_a_file_lacks(&mut names, &data, &found.fit.theta)?;
         let mut theta = self.noisy(&data, &found.fit.theta, &names);
         let mut scores = self.judge.scores(self.forward, &theta)?;
         let described = theta.room != Room::default();
@@ -291,6 +292,25 @@ impl Search<'_> {
         }
         found.fit.theta = theta;
         found.set.extend(names);
+        Ok(())
+    }
+
+    /// Leaves noise ahead of a file away where nothing lies beyond what correct simulations may differ by without it:
+    /// what these do otherwise takes coefficients to other steps, as noise does.
+    fn keep_what_a_file_lacks(
+        &mut self,
+        names: &mut Vec<&'static str>,
+        data: &NoiseData,
+        fitted: &Theta,
+    ) -> Result<()> {
+        if names.is_empty() || fitted.file().is_none() {
+            return Ok(());
+        }
+        let silent = self.noisy(data, fitted, &[]);
+        if self.judge.scores(self.forward, &silent)?.beyond_bounds().is_empty() {
+            tracing::info!("no noise of {names:?}: the file alone leaves nothing beyond its bounds");
+            names.retain(|n| *n == "hot_pixels");
+        }
         Ok(())
     }
 
