@@ -9,6 +9,7 @@ pub mod board;
 pub mod calibrate;
 mod child;
 pub mod diagnose;
+mod listing;
 pub mod out;
 pub mod report;
 pub mod withhold;

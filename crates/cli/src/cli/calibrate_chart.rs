@@ -246,6 +246,13 @@ fn flat_text(
             percent(f.white)
         );
     }
+    if let Some([left, top, right, bottom]) = f.drawn_px {
+        let _ = writeln!(
+            text,
+            "  WARNING: something is drawn on the pictures, or lies on the sensor (a date, a logo, dust), within ({left}, \
+             {top}) to ({right}, {bottom}) px: left out of the pattern"
+        );
+    }
     let said = |l: &shutterbug_diagnose::calibrate::flat::Likeness| {
         format!("correlation {:.4}, {:.1} standard deviations of chance", l.correlation, l.deviations)
     };

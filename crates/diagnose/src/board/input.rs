@@ -1,15 +1,12 @@
 //! Which pictures there are, and when each was taken.
 
 use std::collections::HashMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::listing::{PICTURES, ending_with};
 use shutterbug::capture::{is_plain_name, parse_frames};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read};
-
-/// Endings of pictures that are read.
-const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// Least time from one frame to the next, ns: a million frames a second.
 const LEAST_STEP_NS: i64 = 1_000;
@@ -62,21 +59,11 @@ fn named(path: PathBuf) -> Result<Picture> {
 }
 
 fn in_folder(folder: &Path) -> Result<Vec<PathBuf>> {
-    let listing = |e| Error::io(folder, "list", e);
-    let mut paths = Vec::new();
-    for entry in fs::read_dir(folder).map_err(listing)? {
-        let path = entry.map_err(listing)?.path();
-        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        // What macOS puts beside files on other disks (`._a.png`) is no picture.
-        let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if !hidden && path.is_file() && ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) {
-            paths.push(path);
-        }
-    }
+    let names = ending_with(folder, &PICTURES)?;
+    let paths: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).filter(|p| p.is_file()).collect();
     if paths.is_empty() {
         return Err(Error::input(folder, None, "no picture", "pictures as .png or .jpg"));
     }
-    paths.sort();
     Ok(paths)
 }
 
@@ -124,6 +111,7 @@ pub fn times_of(given: &[PathBuf], count: usize, rate_hz: Option<f64>) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn hidden_files_are_no_pictures() {

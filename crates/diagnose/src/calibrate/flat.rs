@@ -8,6 +8,8 @@
 use serde::Serialize;
 
 use super::corners::Corners;
+use super::drawn::{drawn, fill, frame_of};
+use super::ends::{alone, is_end, level_of};
 use super::fall_off::{Blocks, without_fall_off};
 use super::frames::{Encoding, of_pattern};
 use super::lines::{Bands, Lines};
@@ -91,6 +93,9 @@ pub struct Flat {
     pub dead: usize,
     /// Share of the picture that is white, or lies beside white, in one of the pictures: left out of all figures.
     pub white: f64,
+    /// Where something is drawn on the pictures, or lies on the sensor: left, top, right, bottom, px. It has no part in
+    /// the pattern's figures.
+    pub drawn_px: Option<[usize; 4]>,
     /// Pictures that have another pattern than the rest.
     #[serde(skip)]
     pub odd: Option<Odd>,
@@ -116,7 +121,9 @@ pub struct FlatSums {
     lines: Lines,
     corners: Corners,
     patterns: Patterns,
-    /// In how many pictures each pixel is white, and in how many black, unlike its neighbours.
+    /// What is drawn on the first picture, plain to see.
+    drawn: Vec<usize>,
+    /// In how many pictures each pixel is white, and in how many black, unlike its neighbours; both where it is drawn.
     ends: Vec<[u16; 2]>,
 }
 
@@ -135,6 +142,7 @@ impl FlatSums {
             lines: Lines::default(),
             corners: Corners::new(width, height),
             patterns: Patterns::default(),
+            drawn: Vec::new(),
             ends: vec![[0; 2]; width * height],
         }
     }
@@ -145,22 +153,27 @@ impl FlatSums {
         let [w, h] = self.size;
         let black = self.black as f32;
         let light = |p: &[f32]| self.encoding.decode(of_pattern(p)) - black;
-        let mut data: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
+        let data = encoded.data.chunks_exact(encoded.channels).map(light).collect();
+        let mut light = Plane { width: w, height: h, channels: 1, data };
         let end = |p: &[f32]| [p.iter().all(|v| *v >= 1.0 - 0.5 * step), p.iter().all(|v| *v <= 0.5 * step)];
         let ends: Vec<[bool; 2]> = encoded.data.chunks_exact(encoded.channels).map(end).collect();
-        let ends = alone(&ends, w);
+        let mut ends = alone(&ends, w);
+        if self.levels.is_empty() {
+            self.drawn =
+                drawn(&beside_mean(&light), &ends.iter().map(|end| !is_end(end)).collect::<Vec<_>>());
+        }
+        fill(&mut light, &self.drawn);
         self.blocks.leave_out_white(encoded, 1.0 - 0.5 * step);
-        let level = level_of(&mut data, &ends);
+        let level = level_of(&mut light.data, &ends);
+        self.drawn.iter().for_each(|i| ends[*i] = [true; 2]);
         for (count, end) in self.ends.iter_mut().zip(&ends) {
             (0..2).for_each(|k| count[k] += u16::from(end[k]));
         }
-        let light = Plane { width: w, height: h, channels: 1, data };
         self.blocks.add(&light);
         self.lines.add(&light, level);
         self.corners.add(&light);
         let even = without_fall_off(&light, &self.blocks);
-        let mut own = box_mean(&even, AROUND_PX);
-        own.data.iter_mut().zip(&even.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
+        let mut own = beside_mean(&even);
         own.data.iter_mut().zip(&ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = 0.0);
         self.blocks.clear_white(&mut own);
         // Of each picture: bands of a lamp that flickers are others in the next one.
@@ -172,13 +185,27 @@ impl FlatSums {
         self.levels.push(level);
     }
 
+    /// Whether a pixel sees light.
+    fn is_lit(&self, i: usize) -> bool {
+        let frames = self.levels.len();
+        self.ends[i].iter().all(|c| usize::from(*c) < frames) && !self.blocks.is_white(i)
+    }
+
     /// Mean over the pixels that see light.
     fn over_lit(&self, value: &dyn Fn(usize) -> f32) -> f64 {
-        let frames = self.levels.len();
-        let lit = |c: &[u16; 2]| c.iter().all(|c| usize::from(*c) < frames);
-        let some = self.ends.iter().enumerate().filter(|(i, c)| lit(c) && !self.blocks.is_white(*i));
-        let (sum, n) = some.fold((0.0, 0usize), |(sum, n), (i, _)| (sum + f64::from(value(i)), n + 1));
+        let some = (0..self.ends.len()).filter(|i| self.is_lit(*i));
+        let (sum, n) = some.fold((0.0, 0usize), |(sum, n), i| (sum + f64::from(value(i)), n + 1));
         sum / n.max(1) as f64
+    }
+
+    /// Takes what is drawn on the pictures for pixels without light. Returns which these are. `sum`: of all patterns.
+    fn leave_out_drawn(&mut self, sum: &Plane<f32>) -> Vec<usize> {
+        let lit: Vec<bool> = (0..self.ends.len()).map(|i| self.is_lit(i)).collect();
+        let mut drawn = drawn(sum, &lit);
+        drawn.extend(&self.drawn);
+        let frames = self.levels.len() as u16;
+        drawn.iter().for_each(|i| self.ends[*i] = [frames; 2]);
+        drawn
     }
 
     /// Mean linear value of all pictures beyond that of no light.
@@ -228,7 +255,7 @@ impl FlatSums {
     ///
     /// # Errors
     /// Fewer than two pictures; pictures too small for a fall-off; a surface that is black or white.
-    pub fn measure(self, path: &std::path::Path) -> Result<Flat> {
+    pub fn measure(mut self, path: &std::path::Path) -> Result<Flat> {
         let frames = self.levels.len();
         let n = frames as f64;
         let level = self.level();
@@ -239,13 +266,17 @@ impl FlatSums {
         let both: Vec<f32> =
             self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();
         let mut sum = Plane { data: both, ..self.halves[0].clone() };
-        let [stuck, dead] =
-            [0, 1].map(|end| self.ends.iter().filter(|c| usize::from(c[end]) == frames).count());
-        let pixels = (1.0 - white) * (sum.data.len() - stuck - dead) as f64;
+        let [stuck, dead] = [0, 1]
+            .map(|end| self.ends.iter().filter(|c| usize::from(c[end]) == frames && c[1 - end] == 0).count());
+        let drawn = self.leave_out_drawn(&sum);
+        let pixels = (1.0 - white) * (sum.data.len() - stuck - dead - drawn.len()) as f64;
         let shared_noise = self.patterns.shared_noise();
         let (prnu, temporal) = self.spread(&sum, pixels, rounding, shared_noise.is_some());
         let mut halves = self.halves;
-        halves.iter_mut().chain([&mut sum]).for_each(|plane| self.blocks.clear_white(plane));
+        for plane in halves.iter_mut().chain([&mut sum]) {
+            self.blocks.clear_white(plane);
+            drawn.iter().for_each(|i| plane.data[*i] = 0.0);
+        }
         let itself = likeness(&halves[0], &halves[1]);
         sum.data.iter_mut().for_each(|v| *v /= n as f32);
         let [a1, a2, corner, tilt, uneven] = shape;
@@ -274,6 +305,7 @@ impl FlatSums {
             stuck,
             dead,
             white,
+            drawn_px: frame_of(&drawn, self.size[0]),
             odd: self.patterns.odd(),
             pattern: sum,
         })
@@ -303,34 +335,11 @@ impl FlatSums {
     }
 }
 
-/// Which white and black pixels have no such neighbour: what is white or black around them too is what the picture
-/// shows.
-fn alone(ends: &[[bool; 2]], width: usize) -> Vec<[bool; 2]> {
-    let beside = |i: usize| {
-        let x = i % width;
-        let across = [(x > 0).then(|| i - 1), (x + 1 < width).then_some(i + 1)];
-        across
-            .into_iter()
-            .chain([i.checked_sub(width), Some(i + width)])
-            .flatten()
-            .filter_map(|j| ends.get(j))
-    };
-    let of = |(i, own): (usize, &[bool; 2])| [0, 1].map(|k| own[k] && !beside(i).any(|other| other[k]));
-    ends.iter().enumerate().map(of).collect()
-}
-
-/// Whether a pixel is white or black.
-fn is_end(end: &[bool; 2]) -> bool {
-    end[0] || end[1]
-}
-
-/// Mean of a picture, which takes the place of stuck pixels: they say nothing of light and gains.
-fn level_of(light: &mut [f32], ends: &[[bool; 2]]) -> f64 {
-    let inside = light.iter().zip(ends).filter(|(_, end)| !is_end(end));
-    let (sum, n) = inside.fold((0.0, 0usize), |(sum, n), (v, _)| (sum + f64::from(*v), n + 1));
-    let level = sum / n.max(1) as f64;
-    light.iter_mut().zip(ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = level as f32);
-    level
+/// Light over its mean around each pixel, less 1.
+fn beside_mean(light: &Plane<f32>) -> Plane<f32> {
+    let mut own = box_mean(light, AROUND_PX);
+    own.data.iter_mut().zip(&light.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
+    own
 }
 
 /// Means over squares of `2 radius + 1` px, cut off at the border.
@@ -538,6 +547,18 @@ mod tests {
             assert_eq!(found, if end > 0.0 { [30, 0] } else { [0, 30] });
             assert!((stuck.prnu.value / plain.prnu.value - 1.0).abs() < 0.01, "{end}: {:?}", stuck.prnu);
         }
+        // A date on all pictures: strokes of 2 px in one of 90x20.
+        let stroke = |x: usize, y: usize| x % 9 < 2 || y % 9 < 2;
+        let date = |i: usize| {
+            let (x, y) = (i % w, i / w);
+            let there = (200..290).contains(&x) && (210..230).contains(&y) && stroke(x, y);
+            there.then_some(0.9)
+        };
+        let dated = measured(&date, 0.0, 0.0);
+        assert!((dated.prnu.value / plain.prnu.value - 1.0).abs() < 0.03, "{:?}", dated.prnu);
+        let [left, top, right, bottom] = dated.drawn_px.expect("a date");
+        assert!(left >= 190 && top >= 200 && right <= 300 && bottom <= 240, "{:?}", dated.drawn_px);
+        assert_eq!(plain.drawn_px, None, "control");
         let raised = measured(&|_| None, 0.06, 0.06);
         assert!(holds(&raised.a1, -0.3) && holds(&raised.prnu, f64::from(prnu)), "{raised:?}");
         let taken_for_light = measured(&|_| None, 0.06, 0.0);

@@ -35,7 +35,9 @@ mod curve;
 pub mod dark;
 #[cfg(test)]
 mod dice;
+mod drawn;
 pub mod edge;
+mod ends;
 mod fall_off;
 pub mod figure;
 pub mod filter;

@@ -1,15 +1,13 @@
 //! Which simulated frame goes with which real one.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs;
 use std::path::Path;
 
+use crate::listing::{self, PICTURES};
 use shutterbug::capture::{FrameEntry, is_plain_name, of_period, parse_frames, read_text, spacing_warning};
 use shutterbug::error::{Error, Result, one_line};
 use shutterbug::files::{Limit, is_there};
 
-/// Extensions of pictures.
-const PICTURES: [&str; 3] = ["png", "jpg", "jpeg"];
 /// The file beside the folders, or in one of them.
 const MATCH_FILE: &str = "match.csv";
 
@@ -76,17 +74,8 @@ pub(crate) fn pictures(folder: &Path) -> Result<Vec<String>> {
 /// # Errors
 /// A folder that cannot be listed.
 pub(super) fn ending_with(folder: &Path, endings: &[&str]) -> Result<Vec<String>> {
-    let is_one = |name: &String| {
-        let ending = Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-        !name.starts_with('.') && ending.is_some_and(|e| endings.contains(&e.as_str()))
-    };
-    let mut names: Vec<String> = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, "list", e))? {
-        let entry = entry.map_err(|e| Error::io(folder, "list", e))?;
-        names.extend(entry.file_name().into_string().ok().filter(is_one));
-    }
-    names.sort();
-    Ok(names)
+    let names = listing::ending_with(folder, endings)?;
+    Ok(names.into_iter().filter_map(|name| name.into_string().ok()).collect())
 }
 
 pub(super) fn stem(name: &str) -> &str {
@@ -231,6 +220,7 @@ pub(super) fn doubt_of_period(sim: &Path, real: &Path, period_s: f64) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn folder(names: &[&str]) -> tempfile::TempDir {
         let folder = tempfile::tempdir().expect("a folder");
