@@ -21,6 +21,9 @@ pub fn read_text(path: &Path, purpose: &str, limit: Limit) -> Result<String> {
         }
         other => other,
     })?;
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err(Error::input(path, None, "text in UTF-16", "text in UTF-8: save it so"));
+    }
     String::from_utf8(bytes).map_err(|e| {
         let valid = &e.as_bytes()[..e.utf8_error().valid_up_to()];
         Error::input(path, line_at(valid, valid.len()), "bytes that are not UTF-8", "text in UTF-8")

@@ -53,7 +53,8 @@ pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     let bad = |reason: String| Error::Picture { path: path.to_owned(), action: "decode", reason };
     let format = image::guess_format(bytes).ok();
     if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        return Err(bad("it is neither PNG nor JPEG (only PNG or JPEG are read)".to_owned()));
+        let but = format.map_or_else(String::new, |f| format!(" but {}", format!("{f:?}").to_uppercase()));
+        return Err(bad(format!("it is neither PNG nor JPEG{but} (only PNG or JPEG are read)")));
     }
     let mut header =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
@@ -224,6 +225,15 @@ mod tests {
         assert_eq!(decode(&more).expect("whole"), 64);
         let other = decode(b"GIF89a").expect_err("no picture that is read").to_string();
         assert!(other.contains("PNG or JPEG"), "{other}");
+    }
+
+    #[test]
+    fn a_picture_of_another_format_is_named() {
+        let said = |bytes: &[u8]| decode_picture(Path::new("a.png"), bytes).expect_err("none").to_string();
+        for (bytes, name) in [(&b"II*\0........"[..], "JPEG but TIFF"), (b"GIF89a......", "JPEG but GIF")] {
+            assert!(said(bytes).contains(name), "{}", said(bytes));
+        }
+        assert!(said(b"nothing that is known").contains("JPEG (only"), "{}", said(b"nothing that is known"));
     }
 
     #[test]

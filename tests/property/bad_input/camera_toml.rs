@@ -142,6 +142,11 @@ fn text_that_is_not_toml() {
         fixture.read().expect_err("Latin-1"),
         "camera.toml:2: found bytes that are not UTF-8; expected text in UTF-8"
     );
+    for utf16 in [&b"\xff\xfew\0i\0d\0"[..], &b"\xfe\xff\0w\0i\0d"[..]] {
+        fixture.write("camera.toml", utf16);
+        let said = fixture.read().expect_err("UTF-16");
+        assert_eq!(said, "camera.toml: found text in UTF-16; expected text in UTF-8: save it so");
+    }
 }
 
 #[test]
