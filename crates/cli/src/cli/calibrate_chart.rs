@@ -249,8 +249,8 @@ fn flat_text(
     if let Some([left, top, right, bottom]) = f.drawn_px {
         let _ = writeln!(
             text,
-            "  WARNING: something is drawn on the pictures, or lies on the sensor (a date, a logo, dust), within ({left}, \
-             {top}) to ({right}, {bottom}) px: left out of the pattern"
+            "  WARNING: something is drawn on the pictures, or lies on the sensor (a date, a logo, dust), within \
+             ({left}, {top}) to ({right}, {bottom}) px: left out of the pattern"
         );
     }
     let said = |l: &shutterbug_diagnose::calibrate::flat::Likeness| {

@@ -100,8 +100,8 @@ const WORST_FIT: f64 = 2e-3;
 fn doubt_of_fit(top: &Field, width: u32) -> Option<String> {
     let rms_px = about(top).rms_px.filter(|rms_px| *rms_px > WORST_FIT * f64::from(width))?;
     Some(format!(
-        "its calibration misses the board's corners by {rms_px} px (RMS_error), expected at most {:.1} px at this size: \
-         the lens is hardly this one",
+        "its calibration misses the board's corners by {rms_px} px (RMS_error), expected at most {:.1} px at this \
+         size: the lens is hardly this one",
         WORST_FIT * f64::from(width)
     ))
 }

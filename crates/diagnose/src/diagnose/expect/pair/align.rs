@@ -2,6 +2,8 @@
 //! windows, each with a brightness of its own (Lucas and Kanade 1981, with gain and offset), smooth from window to
 //! window.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::GoOn;
@@ -45,15 +47,16 @@ struct Window {
 }
 
 /// How one frame lies on another.
+#[derive(Clone)]
 pub(crate) struct Lies {
     /// Where the content of each pixel of the real frame is in the simulated one, px from there.
-    pub shift: Plane<f32>,
+    pub shift: Arc<Plane<f32>>,
     /// Root mean square of it over what can be told, px; nothing where the frames have nothing in common.
     pub rms_px: Option<f64>,
     /// The same of what is left behind it.
     pub left_px: Option<f64>,
     /// 1 where windows are alike and lie on each other, shape `[height, width, 1]`.
-    pub alike: Plane<f32>,
+    pub alike: Arc<Plane<f32>>,
 }
 
 impl Field {
@@ -227,6 +230,7 @@ pub(crate) fn lies(real: &Plane<f32>, sim: &Plane<f32>, go_on: GoOn<'_>) -> Resu
         let cell = (y * field.ny / h).min(field.ny - 1) * field.nx + (x * field.nx / w).min(field.nx - 1);
         [f32::from(u8::from(open[cell]))]
     });
+    let (shift, alike) = (Arc::new(shift), Arc::new(alike));
     Ok(Lies { rms_px: field.rms(&seen), left_px: left.rms(&seen), shift, alike })
 }
 

@@ -39,9 +39,9 @@ use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::{Plane, read_rgb8, srgb_decode, srgb_encode};
 use shutterbug::scene::Scene;
 
-pub(crate) use align::lies;
 use align::residual_px;
 pub(crate) use align::slopes_to;
+pub(crate) use align::{Lies, lies};
 use frames::SimFrame;
 pub(crate) use frames::{Geometry, SimFrames};
 pub(crate) use kinds::notes as notes_of_kind;
@@ -418,8 +418,21 @@ pub(crate) fn align(forward: &mut Forward, evidence: &Evidence) -> Result<Aligne
         forward.journal.lock().unwrap_or_else(|e| e.into_inner()).go_on()?;
         forward.budget.go_on()
     };
-    let look = |at: usize| lies(&evidence.frames[at].dn, &encoded(&outside.frame(at).radiance), &go_on);
-    let all: Vec<_> = (0..evidence.frames.len()).map(look).collect::<Result<_>>()?;
+    let mut all: Vec<Lies> = Vec::new();
+    for at in 0..evidence.frames.len() {
+        // Parts of a still lie as it does.
+        let pictures = |at: usize| (&evidence.frames[at].dn, &outside.frame(at).radiance);
+        let (real, sim) = pictures(at);
+        let before = all.last().filter(|_| {
+            let (other, sim_other) = pictures(at - 1);
+            Arc::ptr_eq(real, other) && Arc::ptr_eq(sim, sim_other)
+        });
+        let one = match before {
+            Some(lies) => lies.clone(),
+            None => lies(real, &encoded(sim), &go_on)?,
+        };
+        all.push(one);
+    }
     let seen: Vec<f64> = all.iter().filter_map(|l| l.rms_px).collect();
     let before_px = (2 * seen.len() > all.len()).then(|| rms(&seen));
     let warped = outside.sim.geometry == Geometry::None && before_px.is_some_and(|px| px > align::EXACT_PX);

@@ -13,7 +13,7 @@ pub(crate) struct Outside {
     /// By place in the evidence: the frame's number.
     pub index: Vec<usize>,
     /// By place: how far from each pixel its content is, px, shape `[height, width, 2]`; of frames that were aligned.
-    pub shift: Vec<Option<Plane<f32>>>,
+    pub shift: Vec<Option<Arc<Plane<f32>>>>,
     /// By place: how far a warped frame still lies off, px.
     pub left_px: Vec<f32>,
 }
