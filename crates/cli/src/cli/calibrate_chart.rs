@@ -239,20 +239,7 @@ fn flat_text(
     text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera \
         that is shifted between them tells it from the sensor's\n";
     noise_text(&mut text, f);
-    if f.white > 0.0 {
-        let _ = writeln!(
-            text,
-            "  white in a picture, or beside white: {}; left out of all of this",
-            percent(f.white)
-        );
-    }
-    if let Some([left, top, right, bottom]) = f.drawn_px {
-        let _ = writeln!(
-            text,
-            "  WARNING: something is drawn on the pictures, or lies on the sensor (a date, a logo, dust), within \
-             ({left}, {top}) to ({right}, {bottom}) px: left out of the pattern"
-        );
-    }
+    left_out_text(&mut text, f);
     let said = |l: &shutterbug_diagnose::calibrate::flat::Likeness| {
         format!("correlation {:.4}, {:.1} standard deviations of chance", l.correlation, l.deviations)
     };
@@ -270,6 +257,24 @@ fn flat_text(
         let _ = writeln!(text, "  beside the given pattern: {}", said(other));
     }
     text
+}
+
+/// What has no part in the figures.
+fn left_out_text(text: &mut String, f: &Flat) {
+    if f.white > 0.0 {
+        let _ = writeln!(
+            text,
+            "  white in a picture, or beside white: {:.3} %; left out of all of this",
+            100.0 * f.white
+        );
+    }
+    if let Some([left, top, right, bottom]) = f.drawn_px {
+        let _ = writeln!(
+            text,
+            "  WARNING: something is drawn on the pictures, or lies on the sensor (a date, a logo, dust), within \
+             ({left}, {top}) to ({right}, {bottom}) px: left out of the pattern"
+        );
+    }
 }
 
 fn dark_text(text: &mut String, d: &Dark) {
