@@ -268,11 +268,12 @@ fn left_out_text(text: &mut String, f: &Flat) {
             100.0 * f.white
         );
     }
-    if let Some([left, top, right, bottom]) = f.drawn_px {
+    if let Some([left, top, right, bottom]) = f.drawn_px.first() {
         let _ = writeln!(
             text,
-            "  WARNING: something is drawn on the pictures, or lies on the sensor (a date, a logo, dust), within \
-             ({left}, {top}) to ({right}, {bottom}) px: left out of the pattern"
+            "  WARNING: something is drawn on the pictures, or lies on the sensor (a date, a logo, dust), in {}, the \
+             largest within ({left}, {top}) to ({right}, {bottom}) px: left out of the pattern",
+            counted(f.drawn_px.len(), "place", "places")
         );
     }
 }

@@ -13,9 +13,12 @@ const BESIDE_PX: usize = 2;
 /// it is what the pictures show.
 const MOST: f64 = 0.95;
 
-/// Which pixels of a pattern show something drawn: those far off that touch each other over more than a demosaicking
-/// reaches, and what is beside them. `lit`: the pixels that count.
-pub(super) fn drawn(pattern: &Plane<f32>, lit: &[bool]) -> Vec<usize> {
+/// Something drawn: its pixels, in order.
+pub(super) type Drawn = Vec<usize>;
+
+/// What is drawn on a pattern: pixels far off that touch each other over more than a demosaicking reaches, and what is
+/// beside them. `lit`: the pixels that count.
+pub(super) fn drawn(pattern: &Plane<f32>, lit: &[bool]) -> Vec<Drawn> {
     let (w, h) = (pattern.width, pattern.height);
     let mut sizes: Vec<f32> =
         pattern.data.iter().zip(lit).filter(|(_, lit)| **lit).map(|(v, _)| v.abs()).collect();
@@ -25,7 +28,8 @@ pub(super) fn drawn(pattern: &Plane<f32>, lit: &[bool]) -> Vec<usize> {
     let at = ((sizes.len() - 1) as f64 * MOST) as usize;
     let far = FAR / 1.96 * *sizes.select_nth_unstable_by(at, f32::total_cmp).1;
     let mut open: Vec<bool> = pattern.data.iter().zip(lit).map(|(v, lit)| *lit && v.abs() > far).collect();
-    let mut found = vec![false; w * h];
+    let mut taken = vec![false; w * h];
+    let mut found = Vec::new();
     for first in 0..w * h {
         if !std::mem::take(&mut open[first]) {
             continue;
@@ -36,15 +40,17 @@ pub(super) fn drawn(pattern: &Plane<f32>, lit: &[bool]) -> Vec<usize> {
             next += 1;
             part.extend(around(i, 1, [w, h]).filter(|j| std::mem::take(&mut open[*j])));
         }
-        let side = |of: &dyn Fn(&usize) -> usize| {
-            let (least, most) = part.iter().map(of).fold((usize::MAX, 0), |(a, b), v| (a.min(v), b.max(v)));
-            most - least + 1
-        };
-        if side(&|i| i % w).max(side(&|i| i / w)) > FILLED_IN_PX {
-            part.iter().flat_map(|&i| around(i, BESIDE_PX, [w, h])).for_each(|i| found[i] = true);
+        let [left, top, right, bottom] = frame_of(&part, w);
+        if (right - left).max(bottom - top) >= FILLED_IN_PX {
+            let beside = part.iter().flat_map(|&i| around(i, BESIDE_PX, [w, h]));
+            let mut whole: Drawn =
+                beside.filter(|&i| lit[i] && !std::mem::replace(&mut taken[i], true)).collect();
+            whole.sort_unstable();
+            found.push(whole);
         }
     }
-    (0..w * h).filter(|i| found[*i] && lit[*i]).collect()
+    found.retain(|drawn| !drawn.is_empty());
+    found
 }
 
 /// Puts in the place of what is drawn what lies to both sides of it in the row.
@@ -71,13 +77,11 @@ fn around(i: usize, radius: usize, [w, h]: [usize; 2]) -> impl Iterator<Item = u
     span(y, h).flat_map(move |y| span(x, w).map(move |x| y * w + x))
 }
 
-/// Columns and rows that hold all of what is drawn, px: left, top, right, bottom, both ends in it; nothing where there
-/// is none.
-pub(super) fn frame_of(drawn: &[usize], width: usize) -> Option<[usize; 4]> {
-    let places = drawn.iter().map(|i| [i % width, i / width]);
-    places.fold(None, |frame: Option<[usize; 4]>, [x, y]| {
-        let [left, top, right, bottom] = frame.unwrap_or([x, y, x, y]);
-        Some([left.min(x), top.min(y), right.max(x), bottom.max(y)])
+/// Columns and rows that hold some pixels, px: left, top, right, bottom, both ends in it.
+pub(super) fn frame_of(pixels: &[usize], width: usize) -> [usize; 4] {
+    let places = pixels.iter().map(|i| [i % width, i / width]);
+    places.fold([usize::MAX, usize::MAX, 0, 0], |[left, top, right, bottom], [x, y]| {
+        [left.min(x), top.min(y), right.max(x), bottom.max(y)]
     })
 }
 
@@ -96,14 +100,15 @@ mod tests {
             let data = plain.data.iter().enumerate().map(|(i, v)| value(i % w, i / w).unwrap_or(*v));
             drawn(&Plane { data: data.collect(), ..plain.clone() }, &lit)
         };
-        assert_eq!(frame_of(&with(&|_, _| None), w), None);
+        assert!(with(&|_, _| None).is_empty());
         let one = with(&|x, y| (x.abs_diff(100) <= 2 && y.abs_diff(50) <= 2).then_some(-0.2));
-        assert_eq!(frame_of(&one, w), None, "5x5 px about a bad one");
+        assert!(one.is_empty(), "5x5 px about a bad one");
         // Letters: lines two pixels wide.
         let letter = |x: usize, y: usize| (x % 12 < 2 || y % 10 < 2).then_some(0.4);
         let in_it = |x: usize, y: usize| (200..300).contains(&x) && (210..230).contains(&y);
         let date = with(&|x, y| letter(x, y).filter(|_| in_it(x, y)));
-        let [left, top, right, bottom] = frame_of(&date, w).expect("a date");
+        assert_eq!(date.len(), 1, "letters touch");
+        let [left, top, right, bottom] = frame_of(&date[0], w);
         let mut filled = Plane::from_fn(w, h, |x, y| [if in_it(x, y) { 9.0 } else { x as f32 }]);
         fill(&mut filled, &(0..w * h).filter(|i| in_it(i % w, i / w)).collect::<Vec<_>>());
         assert!(filled.data.iter().enumerate().all(|(i, v)| (v - (i % w) as f32).abs() < 1e-3));

@@ -8,7 +8,7 @@
 use serde::Serialize;
 
 use super::corners::Corners;
-use super::drawn::{drawn, fill, frame_of};
+use super::drawn::{Drawn, drawn, fill, frame_of};
 use super::ends::{alone, is_end, level_of};
 use super::fall_off::{Blocks, without_fall_off};
 use super::frames::{Encoding, of_pattern};
@@ -93,9 +93,9 @@ pub struct Flat {
     pub dead: usize,
     /// Share of the picture that is white, or lies beside white, in one of the pictures: left out of all figures.
     pub white: f64,
-    /// Where something is drawn on the pictures, or lies on the sensor: left, top, right, bottom, px. It has no part in
-    /// the pattern's figures.
-    pub drawn_px: Option<[usize; 4]>,
+    /// Where something is drawn on the pictures, or lies on the sensor: left, top, right, bottom, px, the largest
+    /// first. It has no part in the pattern's figures.
+    pub drawn_px: Vec<[usize; 4]>,
     /// Pictures that have another pattern than the rest.
     #[serde(skip)]
     pub odd: Option<Odd>,
@@ -122,7 +122,7 @@ pub struct FlatSums {
     corners: Corners,
     patterns: Patterns,
     /// What is drawn on the first picture, plain to see.
-    drawn: Vec<usize>,
+    drawn: Vec<Drawn>,
     /// In how many pictures each pixel is white, and in how many black, unlike its neighbours; both where it is drawn.
     ends: Vec<[u16; 2]>,
 }
@@ -162,10 +162,10 @@ impl FlatSums {
             self.drawn =
                 drawn(&beside_mean(&light), &ends.iter().map(|end| !is_end(end)).collect::<Vec<_>>());
         }
-        fill(&mut light, &self.drawn);
+        self.drawn.iter().for_each(|drawn| fill(&mut light, drawn));
         self.blocks.leave_out_white(encoded, 1.0 - 0.5 * step);
         let level = level_of(&mut light.data, &ends);
-        self.drawn.iter().for_each(|i| ends[*i] = [true; 2]);
+        self.drawn.iter().flatten().for_each(|i| ends[*i] = [true; 2]);
         for (count, end) in self.ends.iter_mut().zip(&ends) {
             (0..2).for_each(|k| count[k] += u16::from(end[k]));
         }
@@ -198,13 +198,14 @@ impl FlatSums {
         sum / n.max(1) as f64
     }
 
-    /// Takes what is drawn on the pictures for pixels without light. Returns which these are. `sum`: of all patterns.
-    fn leave_out_drawn(&mut self, sum: &Plane<f32>) -> Vec<usize> {
+    /// Takes what is drawn on the pictures for pixels without light. Returns what that is, the largest first. `sum`: of
+    /// all patterns.
+    fn leave_out_drawn(&mut self, sum: &Plane<f32>) -> Vec<Drawn> {
         let lit: Vec<bool> = (0..self.ends.len()).map(|i| self.is_lit(i)).collect();
         let mut drawn = drawn(sum, &lit);
-        drawn.extend(&self.drawn);
-        let frames = self.levels.len() as u16;
-        drawn.iter().for_each(|i| self.ends[*i] = [frames; 2]);
+        drawn.append(&mut self.drawn);
+        drawn.sort_by_key(|drawn| std::cmp::Reverse(drawn.len()));
+        drawn.iter().flatten().for_each(|i| self.ends[*i] = [self.levels.len() as u16; 2]);
         drawn
     }
 
@@ -269,13 +270,13 @@ impl FlatSums {
         let [stuck, dead] = [0, 1]
             .map(|end| self.ends.iter().filter(|c| usize::from(c[end]) == frames && c[1 - end] == 0).count());
         let drawn = self.leave_out_drawn(&sum);
-        let pixels = (1.0 - white) * (sum.data.len() - stuck - dead - drawn.len()) as f64;
+        let pixels = (1.0 - white) * (sum.data.len() - stuck - dead - drawn.iter().flatten().count()) as f64;
         let shared_noise = self.patterns.shared_noise();
         let (prnu, temporal) = self.spread(&sum, pixels, rounding, shared_noise.is_some());
         let mut halves = self.halves;
         for plane in halves.iter_mut().chain([&mut sum]) {
             self.blocks.clear_white(plane);
-            drawn.iter().for_each(|i| plane.data[*i] = 0.0);
+            drawn.iter().flatten().for_each(|i| plane.data[*i] = 0.0);
         }
         let itself = likeness(&halves[0], &halves[1]);
         sum.data.iter_mut().for_each(|v| *v /= n as f32);
@@ -305,7 +306,7 @@ impl FlatSums {
             stuck,
             dead,
             white,
-            drawn_px: frame_of(&drawn, self.size[0]),
+            drawn_px: drawn.iter().map(|drawn| frame_of(drawn, self.size[0])).collect(),
             odd: self.patterns.odd(),
             pattern: sum,
         })
@@ -556,9 +557,9 @@ mod tests {
         };
         let dated = measured(&date, 0.0, 0.0);
         assert!((dated.prnu.value / plain.prnu.value - 1.0).abs() < 0.03, "{:?}", dated.prnu);
-        let [left, top, right, bottom] = dated.drawn_px.expect("a date");
+        let [left, top, right, bottom] = dated.drawn_px[0];
         assert!(left >= 190 && top >= 200 && right <= 300 && bottom <= 240, "{:?}", dated.drawn_px);
-        assert_eq!(plain.drawn_px, None, "control");
+        assert!(plain.drawn_px.is_empty(), "control");
         let raised = measured(&|_| None, 0.06, 0.06);
         assert!(holds(&raised.a1, -0.3) && holds(&raised.prnu, f64::from(prnu)), "{raised:?}");
         let taken_for_light = measured(&|_| None, 0.06, 0.0);
