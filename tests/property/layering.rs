@@ -61,8 +61,9 @@ const CRATES: &[Crate] = &[
         layers: &[
             pure("out", &["files", "error"]),
             pure("child", &["error"]),
+            pure("listing", &["error"]),
             pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "files", "error"]),
-            pure("board", &["capture", "camera", "chain", "plane", "files", "error"]),
+            pure("board", &["listing", "capture", "camera", "chain", "plane", "files", "error"]),
             Layer { module: "diagnose", uses: Uses::All, ash: false, unsafe_code: false },
             pure("report", &["diagnose", "plane", "files", "error"]),
             Layer { module: "withhold", uses: Uses::All, ash: false, unsafe_code: false },
