@@ -41,7 +41,9 @@ pub(super) fn drawn(pattern: &Plane<f32>, lit: &[bool]) -> Vec<Drawn> {
             part.extend(around(i, 1, [w, h]).filter(|j| std::mem::take(&mut open[*j])));
         }
         let [left, top, right, bottom] = frame_of(&part, w);
-        if (right - left).max(bottom - top) >= FILLED_IN_PX {
+        // Dark corners and frames reach the border, and are no drawing.
+        let inside = left > 0 && top > 0 && right + 1 < w && bottom + 1 < h;
+        if inside && (right - left).max(bottom - top) >= FILLED_IN_PX {
             let beside = part.iter().flat_map(|&i| around(i, BESIDE_PX, [w, h]));
             let mut whole: Drawn =
                 beside.filter(|&i| lit[i] && !std::mem::replace(&mut taken[i], true)).collect();
