@@ -127,12 +127,20 @@ fn ahead_of_converter(forward: &mut Forward, start: Theta, task: Task<'_>) -> Re
     Ok(if costs[1] < costs[0] { end } else { start })
 }
 
+/// How many frames a stage looks at. Where all lines are exposed at once a frame says one number of a flicker: a few
+/// know neither its frequency beside its depth and its phase, nor the level about which it goes.
+fn frames_for(theta: &Theta, free: &[P], level: &Level) -> usize {
+    let beats = |p: &P| *p == P::FlickerF || p.spec().effect == flicker::LEVEL;
+    let beats = free.iter().any(beats) && !theta.is_on(P::Readout);
+    if beats { usize::MAX } else { level.frames }
+}
+
 /// All stages of a fit.
 fn through(forward: &mut Forward, start: Theta, task: Task<'_>) -> Result<Theta> {
     let Task { target, frames, free, schedule } = task;
     let mut theta = start;
     for level in schedule {
-        let some = spread_out(frames, level.frames);
+        let some = spread_out(frames, frames_for(&theta, free, level));
         let stage = Stage { target, frames: &some, free, level };
         let mut state = State { theta: theta.clone(), cost: f64::INFINITY, weighing: None, damping: 1e-4 };
         for _ in 0..level.iterations {

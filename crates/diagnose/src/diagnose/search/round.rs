@@ -76,15 +76,24 @@ impl Search<'_> {
         let described = self.described(watch, (set, current), now, &out)?;
         let explained =
             described.iter().filter(|o| self.gains(now, &o.2)).map(|o| 1.0 - o.2.mean() / now.mean());
-        let most = first.iter().map(|f| f.1).chain(explained).fold(0.0, f64::max);
+        let mut most = explained.fold(0.0, f64::max);
+        // A promise that its fit did not keep makes nothing wait.
+        let keeps = |search: &Self, tried: &[Tried], name| {
+            tried.iter().any(|o| o.0 == name && search.gains(now, &o.2))
+        };
+        if let Some(kept) = first.iter().find(|f| keeps(self, &out, f.0)) {
+            most = most.max(kept.1);
+        }
         out.extend(described);
         for &(name, promised) in others {
-            let little = promised < WAITS_BELOW * most;
-            if little && out.iter().any(|tried| self.gains(now, &tried.2)) {
+            if promised < WAITS_BELOW * most {
                 tracing::info!("{name} waits for the next round");
                 continue;
             }
             out.extend(self.beside(watch, name, set, current, late)?);
+            if keeps(self, &out, name) {
+                most = most.max(promised);
+            }
         }
         if out.iter().any(|tried| !is_description(tried.0) && closes_nearly_all(now, tried)) {
             return Ok(out);
