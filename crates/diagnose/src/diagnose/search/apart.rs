@@ -21,7 +21,7 @@ use crate::diagnose::expect::weighing::Weighing;
 use crate::diagnose::fit::cost::{Target, hide, residual};
 use crate::diagnose::fit::intervals::{Shown, Way, way};
 use crate::diagnose::fit::normal::assemble;
-use crate::diagnose::judge::noise::NoiseData;
+use crate::diagnose::judge::noise::{NOISES, NoiseData};
 use crate::diagnose::judge::score::FAMILIES;
 use crate::diagnose::judge::{Scores, family_gain, gain, gain_beyond_bounds, quantile, quantile_of_length};
 use crate::diagnose::search::Search;
@@ -51,6 +51,12 @@ fn moves_whole_frames(a: &Theta, b: &Theta) -> bool {
         a.differing(b).filter(|&p| a.is_on(p) != b.is_on(p)).map(|p| p.spec().effect).peekable();
     let are_free = [a, b].iter().all(|t| !t.room.poses.is_empty());
     are_free && switched.peek().is_some() && switched.all(|effect| WHOLE_FRAMES.contains(&effect))
+}
+
+/// `theta` with the noise of another model.
+fn with_noise_of(theta: &Theta, other: &Theta) -> Theta {
+    let noise = NOISES.iter().flat_map(|n| candidate_of(n).parameters);
+    noise.fold(theta.clone(), |t, &p| t.with(p, other.get(p)))
 }
 
 impl Search<'_> {
@@ -139,19 +145,23 @@ impl Search<'_> {
 
     /// Whether a filter behind the noise, which only one of two models has, shows in how the noise spreads over
     /// neighbours, whichever model's pictures the frames are held against. Filters that undo each other leave pictures
-    /// nearly as they were, and noise not.
+    /// nearly as they were, and noise not. A filter that does nothing may come with a little more noise or less: what
+    /// that explains without the filter is not the filter's.
     fn spreads_better(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
         let filters = |p: P| matches!(p.spec().effect, "noise_reduction" | "sharpening");
         let one_has = worse.differing(better).any(|p| filters(p) && worse.is_on(p) != better.is_on(p));
         if !one_has || ![worse, better].iter().all(|t| Tone::new(t).is_noisy()) {
             return Ok(false);
         }
+        let as_noisy = with_noise_of(worse, better);
         for shown in [worse, better] {
-            let [a, b] = [worse, better].map(|t| self.judge.scores_about(self.forward, t, shown));
-            let (a, b) = (a?, b?);
-            tracing::debug!("about {shown:?}: {:?}", gain(&a, &b));
-            if !self.gains(&a, &b) {
-                return Ok(false);
+            let filtered = self.judge.scores_about(self.forward, better, shown)?;
+            for plain in [worse, &as_noisy] {
+                let plain = self.judge.scores_about(self.forward, plain, shown)?;
+                tracing::debug!("spread over neighbours: {:?}", gain(&plain, &filtered));
+                if !self.gains(&plain, &filtered) {
+                    return Ok(false);
+                }
             }
         }
         Ok(true)
