@@ -16,7 +16,7 @@ use crate::diagnose::expect::room::{Room, is_description, is_in_surfaces};
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::{FINE, VALUES};
 use crate::diagnose::judge::{Scores, gain};
-use crate::diagnose::search::Search;
+use crate::diagnose::search::{Search, Tried};
 use shutterbug::chain::{ParamKind, Work};
 use shutterbug::effects;
 use shutterbug::error::Result;
@@ -91,6 +91,18 @@ impl Search<'_> {
         self.two_for_two(&members, &doings, found, now)
     }
 
+    /// Keeps which candidates that move the picture explained more than which others, when both were tried beside the
+    /// same set: beside another one the weaker may be taken, and stands for the stronger where rounded values have no
+    /// slopes to tell them by.
+    pub(super) fn remember_rivals(&mut self, now: &Scores, options: &[Tried]) {
+        let counts = |o: &&Tried| moves(candidate_of(o.0)) && self.may_change(o.0) && self.gains(now, &o.2);
+        let moved: Vec<&Tried> = options.iter().filter(counts).collect();
+        let pairs = moved.iter().flat_map(|a| moved.iter().map(move |b| (a, b)));
+        let better = pairs.filter(|(a, b)| b.2.mean() < a.2.mean()).map(|(a, b)| [a.0, b.0]);
+        let new: Vec<_> = better.filter(|pair| !self.rivals.contains(pair)).collect();
+        self.rivals.extend(new);
+    }
+
     /// Whether slopes say what an effect does, and the frames themselves do not say that it is there.
     pub(crate) fn may_change(&self, name: &str) -> bool {
         let candidate = candidate_of(name);
@@ -121,6 +133,9 @@ impl Search<'_> {
         let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
         let mut alike = doings.alike(out, &rest, &others);
         alike.extend(self.choices_like(out, &found.set));
+        let rivals = self.rivals.iter().filter(|r| *out == [r[0]]).map(|r| r[1]);
+        let rivals: Vec<_> = rivals.filter(|n| beside(n) && !alike.contains(n)).collect();
+        alike.extend(rivals);
         let delays = self.delays_like(out).into_iter().filter(|n| beside(n));
         let more: Vec<_> = delays.filter(|n| !alike.contains(n)).collect();
         alike.extend(self.delaying_as(out, &more, (&found.fit.theta, &start), now)?);

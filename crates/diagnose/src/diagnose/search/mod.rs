@@ -83,6 +83,8 @@ pub(crate) struct Search<'a> {
     pub idle: Vec<&'static str>,
     /// Sets that were exchanged for another one, each sorted: none is grown into again.
     pub outdone: Vec<Vec<&'static str>>,
+    /// Candidates that move the picture, each with one that explained more than it beside the same set.
+    pub rivals: Vec<[&'static str; 2]>,
 }
 
 /// What another search of the same frames has found out.
@@ -353,6 +355,7 @@ impl<'a> Search<'a> {
             } else {
                 self.round(watch, &found.set, &current, &scores, &mut found.late)?
             };
+            self.remember_rivals(&scores, &options);
             let late = self.late();
             if late {
                 let unseen = self.room.iter().filter(|n| !found.set.contains(n)).copied();

@@ -79,6 +79,7 @@ impl<'a> Question<'a> {
             moved_alone: Vec::new(),
             idle: Vec::new(),
             outdone: Vec::new(),
+            rivals: Vec::new(),
         }
     }
 
