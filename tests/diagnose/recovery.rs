@@ -1,7 +1,7 @@
 //! Hidden effects are found, with their parameters, and nothing else is; what is no candidate is not sold as one.
 #![allow(clippy::unwrap_used)]
 
-use crate::diagnose_support::{frames_of, make, make_by, names, near, parameter, run, run_exact};
+use crate::diagnose_support::{CAMERA, FRAMES, frames_of, make, make_by, names, near, parameter, run, run_exact};
 use crate::gpu_support::device;
 use crate::long_support::{left_out, long};
 use shutterbug::capture::Capture;
@@ -112,7 +112,7 @@ fn large_frames_tell_the_same_at_a_smaller_size() {
         frame_period_s = 0.04\n";
     let hidden = "[rolling_shutter]\nreadout_time_s = 0.021\nscan_order = \"bottom_to_top\"\n[vignetting]\n\
         a1 = -0.3\na2 = 0.05\n";
-    let capture = make_by(&context.0, folder.path(), camera, [hidden, ""], 0.5, 2);
+    let capture = make_by(&context.0, folder.path(), (camera, FRAMES), [hidden, ""], 0.5, 2);
     let asked = ["rolling_shutter", "time_offset", "pose_offset", "vignetting", "exposure_gain", "gamma"];
     let report = run(&context.0, &capture, &all_but(&asked)).report;
     assert_eq!(names(&report), ["rolling_shutter", "vignetting"], "{:?}", report.gap);
@@ -179,6 +179,23 @@ fn a_cause_that_is_no_candidate_is_not_sold_as_another() {
     assert_ne!(without.verdict, Verdict::Explained, "{:?} {:?}", without.gap, names(&without));
     assert_ne!(without.verdict, Verdict::NoGap);
     assert!(without.effects.iter().all(|e| e.name != "rolling_shutter"));
+}
+
+/// Of a global shutter a frame says one number of a flicker: three frames know nothing of its frequency, depth and phase
+/// and the level about which it goes.
+#[test]
+fn a_flicker_about_another_level_is_told_of_a_global_shutter() {
+    let Some(context) = device("flicker_about_another_level") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let hidden = "[exposure_gain]\ngain = 0.92\n[flicker]\ndepth = 0.09\nfrequency_hz = 102.5\nphase_rad = 0.7\n\
+        [white_balance]\nr = 0.8\nb = 0.95\n";
+    let capture = make_by(&context.0, folder.path(), (CAMERA, 14), [hidden, ""], 1.0, 9);
+    let asked = ["exposure_gain", "flicker", "white_balance", "gamma", "vignetting", "saturation"];
+    let report = run_exact(&context.0, &capture, &all_but(&asked)).report;
+    assert_eq!(names(&report), ["exposure_gain", "flicker", "white_balance"], "{:?}", report.gap);
+    near(&report, "exposure_gain", "gain", 0.92, 0.01);
+    near(&report, "flicker", "depth", 0.09, 0.05);
+    near(&report, "white_balance", "r", 0.8, 0.01);
 }
 
 /// More contrast over 20 px is on no list. A sharpening takes it up with the largest radius that it may have.

@@ -86,6 +86,9 @@ fn write_path(folder: &Path, frames: usize, speed: f64, dice: &mut Dice) {
     fs::write(folder.join("frames.csv"), csv).unwrap();
 }
 
+/// Frames of a capture that [`make`] makes.
+pub const FRAMES: usize = 9;
+
 /// A capture whose real frames have the effects of `hidden` (tables of `camera.toml`); `camera.toml` has those of
 /// `known`.
 pub fn make(
@@ -96,19 +99,18 @@ pub fn make(
     speed: f64,
     seed: u64,
 ) -> Capture {
-    make_by(context, folder, CAMERA, [hidden, known], speed, seed)
+    make_by(context, folder, (CAMERA, FRAMES), [hidden, known], speed, seed)
 }
 
-/// The same by another camera than [`CAMERA`].
+/// The same by another camera than [`CAMERA`], or of another number of frames than [`FRAMES`].
 pub fn make_by(
     context: &Arc<Context>,
     folder: &Path,
-    camera: &str,
+    (camera, frames): (&str, usize),
     [hidden, known]: [&str; 2],
     speed: f64,
     seed: u64,
 ) -> Capture {
-    let frames = 9;
     let mut dice = Dice(seed);
     write_scene(folder, &mut dice);
     write_path(folder, frames, speed, &mut dice);
