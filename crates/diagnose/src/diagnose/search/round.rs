@@ -68,33 +68,7 @@ impl Search<'_> {
             late.extend(smooth.into_iter().chain(rest));
             return Ok(Vec::new());
         };
-        let (first, others) = ranked.split_at(ranked.len().min(1));
-        let mut out: Vec<Tried> = Vec::new();
-        for &(name, _) in first {
-            out.extend(self.beside(watch, name, set, current, late)?);
-        }
-        let described = self.described(watch, (set, current), now, &out)?;
-        let explained =
-            described.iter().filter(|o| self.gains(now, &o.2)).map(|o| 1.0 - o.2.mean() / now.mean());
-        let mut most = explained.fold(0.0, f64::max);
-        // A promise that its fit did not keep makes nothing wait.
-        let keeps = |search: &Self, tried: &[Tried], name| {
-            tried.iter().any(|o| o.0 == name && search.gains(now, &o.2))
-        };
-        if let Some(kept) = first.iter().find(|f| keeps(self, &out, f.0)) {
-            most = most.max(kept.1);
-        }
-        out.extend(described);
-        for &(name, promised) in others {
-            if promised < WAITS_BELOW * most {
-                tracing::info!("{name} waits for the next round");
-                continue;
-            }
-            out.extend(self.beside(watch, name, set, current, late)?);
-            if keeps(self, &out, name) {
-                most = most.max(promised);
-            }
-        }
+        let mut out = self.by_promise(watch, (set, current, now), &ranked, late)?;
         if out.iter().any(|tried| !is_description(tried.0) && closes_nearly_all(now, tried)) {
             return Ok(out);
         }
@@ -115,6 +89,40 @@ impl Search<'_> {
         }
         let idle = out.iter().filter(|o| o.2.mean() >= now.mean()).map(|o| o.0);
         self.idle = idle.chain(waiting.iter().copied()).collect();
+        Ok(out)
+    }
+
+    /// Fits of candidates in the order of what they promise, the description behind the first. What promises little
+    /// beside one that keeps its promise waits; a promise that its fit did not keep makes nothing wait.
+    fn by_promise(
+        &mut self,
+        watch: &mut dyn Watch,
+        (set, current, now): (&[&'static str], &Fit, &Scores),
+        ranked: &[(&'static str, f64)],
+        late: &mut Vec<&'static str>,
+    ) -> Result<Vec<Tried>> {
+        let mut out: Vec<Tried> = Vec::new();
+        let mut most: f64 = 0.0;
+        for (place, &(name, promised)) in ranked.iter().enumerate() {
+            if promised < WAITS_BELOW * most {
+                tracing::info!("{name} waits for the next round");
+                continue;
+            }
+            let tried = self.beside(watch, name, set, current, late)?;
+            if tried.as_ref().is_some_and(|tried| self.gains(now, &tried.2)) {
+                most = most.max(promised);
+            }
+            out.extend(tried);
+            if place == 0 {
+                let described = self.described(watch, (set, current), now, &out)?;
+                let gained = described.iter().filter(|o| self.gains(now, &o.2));
+                most = gained.map(|o| 1.0 - o.2.mean() / now.mean()).fold(most, f64::max);
+                out.extend(described);
+            }
+        }
+        if ranked.is_empty() {
+            out.extend(self.described(watch, (set, current), now, &out)?);
+        }
         Ok(out)
     }
 
