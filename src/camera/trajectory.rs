@@ -148,8 +148,12 @@ impl Trajectory {
     /// The trajectory of a camera that is turned within this one: the same positions, `rotation` within its frame.
     /// Turning the poses and interpolating between them commute.
     pub fn turned(&self, rotation: DQuat) -> Self {
-        let turn = |pose: &Pose| Pose { rotation: (pose.rotation * rotation).normalize(), ..*pose };
-        Self { poses: self.poses.iter().map(turn).collect(), ..self.clone() }
+        self.mapped(|pose| Pose { rotation: (pose.rotation * rotation).normalize(), ..*pose })
+    }
+
+    /// The same times with other poses.
+    pub fn mapped(&self, by: impl Fn(&Pose) -> Pose) -> Self {
+        Self { poses: self.poses.iter().map(by).collect(), ..self.clone() }
     }
 
     /// The trajectory of a camera that is elsewhere by `by` (a time, s, to a pose in this camera's own frame), which

@@ -1,10 +1,14 @@
 //! Frames that cannot be judged are refused in one line that says why.
 #![allow(clippy::unwrap_used)]
 
+use std::f64::consts::PI;
 use std::fs;
+
+use glam::DQuat;
 
 use crate::diagnose_support::{CAMERA, make, run};
 use crate::gpu_support::device;
+use shutterbug::camera::Pose;
 use shutterbug::capture::Capture;
 use shutterbug::plane::{Plane, write_png_atomic};
 use shutterbug_diagnose::diagnose::{DiagnoseOptions, Progress, Report, Verdict, diagnose, effect_names};
@@ -102,6 +106,29 @@ fn frames_of_another_scene_are_no_effect_of_the_camera() {
     let report = brief(&context, &capture, &SOME).unwrap();
     assert!(!report.sentence.contains("this scene") && report.gap.before > 2.0, "{}", report.sentence);
     assert!(!report.warnings.iter().any(|w| w.contains("this scene")), "{:?}", report.warnings);
+}
+
+/// Poses of another convention show another part of the room: the convention in which the frames fit is named.
+#[test]
+fn poses_in_another_convention_are_asked_about() {
+    let Some(context) = device("poses_convention") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = make(&context.0, folder.path(), "", "", 1.0, 7);
+    let report = brief(&context, &capture, &ONE).unwrap();
+    assert!(!report.sentence.contains("trajectory.tum"), "control: {}", report.sentence);
+    let path = folder.path().join("trajectory.tum");
+    let upside_down: fn(&Pose) -> Pose = |p| Pose { rotation: p.rotation * DQuat::from_rotation_x(PI), ..*p };
+    type Written<'a> = (&'a str, fn(&Pose) -> Pose);
+    let conventions: [Written<'_>; 2] =
+        [("from the world to the camera", Pose::inverse), ("OpenGL", upside_down)];
+    for (words, written) in conventions {
+        fs::write(&path, capture.trajectory.mapped(written).to_tum(capture.epoch_ns)).unwrap();
+        let capture = Capture::read(folder.path(), None).unwrap();
+        let report = brief(&context, &capture, &ONE).unwrap();
+        let said = &report.warnings[0];
+        assert!(said.contains("trajectory.tum") && said.contains(words), "{said}");
+        assert!(report.sentence.contains(said.as_str()), "first of all: {}", report.sentence);
+    }
 }
 
 #[test]

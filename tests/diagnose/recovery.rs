@@ -1,7 +1,9 @@
 //! Hidden effects are found, with their parameters, and nothing else is; what is no candidate is not sold as one.
 #![allow(clippy::unwrap_used)]
 
-use crate::diagnose_support::{CAMERA, FRAMES, frames_of, make, make_by, names, near, parameter, run, run_exact};
+use crate::diagnose_support::{
+    CAMERA, FRAMES, frames_of, make, make_by, names, near, parameter, run, run_exact,
+};
 use crate::gpu_support::device;
 use crate::long_support::{left_out, long};
 use shutterbug::capture::Capture;
@@ -181,14 +183,14 @@ fn a_cause_that_is_no_candidate_is_not_sold_as_another() {
     assert!(without.effects.iter().all(|e| e.name != "rolling_shutter"));
 }
 
-/// Of a global shutter a frame says one number of a flicker: three frames know nothing of its frequency, depth and phase
-/// and the level about which it goes.
+/// Of a global shutter a frame says one number of a flicker: three frames do not know its frequency, depth and phase
+/// beside the level about which it goes.
 #[test]
 fn a_flicker_about_another_level_is_told_of_a_global_shutter() {
     let Some(context) = device("flicker_about_another_level") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let hidden = "[exposure_gain]\ngain = 0.92\n[flicker]\ndepth = 0.09\nfrequency_hz = 102.5\nphase_rad = 0.7\n\
-        [white_balance]\nr = 0.8\nb = 0.95\n";
+    let hidden = "[exposure_gain]\ngain = 0.92\n[flicker]\ndepth = 0.09\nfrequency_hz = 102.5\n\
+        phase_rad = 0.7\n[white_balance]\nr = 0.8\nb = 0.95\n";
     let capture = make_by(&context.0, folder.path(), (CAMERA, 14), [hidden, ""], 1.0, 9);
     let asked = ["exposure_gain", "flicker", "white_balance", "gamma", "vignetting", "saturation"];
     let report = run_exact(&context.0, &capture, &all_but(&asked)).report;

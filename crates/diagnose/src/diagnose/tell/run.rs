@@ -229,7 +229,7 @@ fn prepare(
     let compared = capture.camera.background_ignored || given.pair.is_some();
     let from = if given.pair.is_some() { &capture.root } else { &capture.camera.path };
     let cover = compared.then(|| Cover::new(&forward, &base, from)).transpose()?;
-    let set_up = setup_checks::look(&mut forward, &evidence, &base)?;
+    let set_up = setup_checks::look(&mut forward, capture, &evidence, &base)?;
     set_up.iter().for_each(|what| progress.step("set-up", what, 1, 1));
     Ok(Prepared { evidence, forward, cover, aligned, set_up, journal })
 }

@@ -7,7 +7,7 @@ use shutterbug::plane::Plane;
 /// Unlikeness from which on frames do not fit as they are, and below which they do when changed.
 pub(super) const UNLIKE: f64 = 0.25;
 /// What a change must leave of the unlikeness to be the reason for it.
-const LEFT: f64 = 0.3;
+pub(super) const LEFT: f64 = 0.3;
 
 /// Mirrored, upside down, or turned by half a turn.
 pub(super) fn turned(pairs: &Pairs) -> Option<String> {

@@ -5,6 +5,7 @@
 mod geometry;
 pub(super) mod noise;
 mod order;
+mod poses;
 mod thumbs;
 mod values;
 
@@ -18,6 +19,7 @@ use crate::diagnose::expect::pair::{Geometry, Pair, encoded};
 use crate::diagnose::report::{Report, Verdict};
 use crate::diagnose::search::found::Found;
 use crate::diagnose::search::odd::Odd;
+use shutterbug::capture::Capture;
 use shutterbug::error::Result;
 use shutterbug::plane::stats::median;
 use shutterbug::plane::{Plane, read_rgb8};
@@ -45,7 +47,13 @@ impl Pairs {
 
 /// Looks at every frame of the evidence; `simulated` are the same frames as the given camera makes them, DN. A sentence
 /// for each thing that is wrong.
-fn set_up(evidence: &Evidence, simulated: &[Plane<f32>]) -> Vec<String> {
+///
+/// `poses`: asked of how unlike the frames are, where nothing else explains that.
+fn set_up(
+    evidence: &Evidence,
+    simulated: &[Plane<f32>],
+    poses: impl FnOnce(f64) -> Result<Option<String>>,
+) -> Result<Vec<String>> {
     let small = |planes: Vec<&Plane<f32>>| planes.into_iter().map(Thumb::of).collect();
     let pairs = Pairs {
         real: small(evidence.frames.iter().map(|f| &*f.dn).collect()),
@@ -58,20 +66,29 @@ fn set_up(evidence: &Evidence, simulated: &[Plane<f32>]) -> Vec<String> {
     // Each of these explains the same difference in its own way: the first that does.
     let place =
         geometry::turned(&pairs).or_else(|| order::order(&pairs)).or_else(|| geometry::zoomed(&pairs));
-    said.extend(place);
+    said.extend(match place {
+        Some(place) => Some(place),
+        None => poses(pairs.unlike(Thumb::clone))?,
+    });
     said.extend(values::coded(&pairs));
     said.extend(order::strangers(&pairs));
     said.extend(order::repeated(&pairs, evidence));
-    said
+    Ok(said)
 }
 
 /// Renders every frame of the evidence as the given camera makes it, and looks.
 ///
 /// # Errors
 /// Those of rendering.
-pub(crate) fn look(forward: &mut Forward, evidence: &Evidence, given: &Theta) -> Result<Vec<String>> {
+pub(crate) fn look(
+    forward: &mut Forward,
+    capture: &Capture,
+    evidence: &Evidence,
+    given: &Theta,
+) -> Result<Vec<String>> {
     let all: Vec<usize> = (0..evidence.frames.len()).collect();
-    Ok(set_up(evidence, &forward.simulate(&all, given, Quality::Coarse)?))
+    let simulated = forward.simulate(&all, given, Quality::Coarse)?;
+    set_up(evidence, &simulated, |as_is| poses::convention(forward, capture, evidence, (given, as_is)))
 }
 
 /// Said of pairs that are compared as folders of one camera each.

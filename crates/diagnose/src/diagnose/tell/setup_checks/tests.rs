@@ -37,7 +37,7 @@ fn said_beside(simulated: &[Plane<f32>], real: Vec<Plane<f32>>) -> String {
         frames: frames.map(|(index, dn)| RealFrame { index, start_s: index as f64, dn: dn.into() }).collect(),
         ..Evidence::of_one(Plane::new(1, 1, 3))
     };
-    set_up(&evidence, simulated).join(" | ")
+    set_up(&evidence, simulated, |_| Ok(None)).unwrap().join(" | ")
 }
 
 fn changed(f: impl Fn(&Plane<f32>, usize, usize) -> [f32; 3]) -> Vec<Plane<f32>> {
