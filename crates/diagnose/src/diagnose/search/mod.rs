@@ -11,6 +11,7 @@ pub(super) mod ending;
 pub(super) mod exchange;
 pub(super) mod fits;
 pub(super) mod found;
+mod level;
 pub(super) mod levels;
 pub(super) mod objects;
 pub(super) mod odd;
@@ -345,7 +346,7 @@ impl<'a> Search<'a> {
     ) -> Result<()> {
         for round in first..MOST_EFFECTS {
             let current = found.fit.clone();
-            let options: Vec<Tried> = if round == 0 {
+            let mut options: Vec<Tried> = if round == 0 {
                 let mut alone = of_alone(found);
                 alone.extend(self.described(watch, (&found.set, &current), &scores, &alone)?);
                 alone
@@ -355,6 +356,7 @@ impl<'a> Search<'a> {
             } else {
                 self.round(watch, &found.set, &current, &scores, &mut found.late)?
             };
+            options.extend(in_time(self.flicker_and_level(&found.set, &options))?.flatten());
             self.remember_rivals(&scores, &options);
             let late = self.late();
             if late {
@@ -396,7 +398,7 @@ impl<'a> Search<'a> {
                 (set, chosen) = self.by_way_of_another(watch, found, now, options.clone())?;
             }
             let Some((name, fit, _)) = chosen else { return Ok(None) };
-            set.push(name);
+            set.extend(self.members_of(name, &fit.theta, &set));
             let is_fitted = moves(candidate_of(name))
                 || self.level_beside(candidate_of(name), &set, &fit.theta).is_some();
             let fit = if late || is_fitted { fit } else { self.refit(&set, &fit.theta, FINE)? };

@@ -54,7 +54,7 @@ impl Search<'_> {
         let Some((name, fit, seen)) = first.filter(|_| !now.beyond_bounds().is_empty()) else {
             return Ok((set, None));
         };
-        set.push(name);
+        set.extend(self.members_of(name, &fit.theta, &set));
         let mut both = Vec::new();
         // What explained nothing without this one may be what it hid.
         self.idle.clear();
