@@ -326,7 +326,7 @@ impl Search<'_> {
 
 /// Whether an effect was fitted to what the given camera has: to nothing, where that has none. How wide a filter of no
 /// strength is does not count.
-fn is_as_given(name: &str, theta: &Theta, base: &Theta) -> bool {
+pub(super) fn is_as_given(name: &str, theta: &Theta, base: &Theta) -> bool {
     let counts = |p: &P| p.spec().fit.rest.is_none();
     candidate_of(name).parameters.iter().copied().filter(counts).all(|p| theta.get(p) == base.get(p))
 }

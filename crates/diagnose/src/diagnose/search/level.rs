@@ -1,8 +1,9 @@
 //! A flicker and the level about which brightness goes up and down, taken together: of frames whose level is off for
 //! another reason, a flicker alone explains nothing.
 
+use super::exchange::is_as_given;
 use super::{Search, Tried};
-use crate::diagnose::expect::model::{Theta, candidate_of};
+use crate::diagnose::expect::model::Theta;
 use crate::diagnose::fit::VALUES;
 use crate::diagnose::fit::flicker::LEVEL;
 use crate::diagnose::judge::gain;
@@ -19,7 +20,8 @@ impl Search<'_> {
         options: &[Tried],
     ) -> Result<Option<Tried>> {
         let asked = self.names.contains(&LEVEL) && !set.contains(&LEVEL) && !self.late();
-        let flicker = options.iter().find(|o| o.0 == FLICKER && self.differs(FLICKER, &o.1.theta));
+        let flicker =
+            options.iter().find(|o| o.0 == FLICKER && !is_as_given(FLICKER, &o.1.theta, &self.base));
         let Some((_, alone, seen)) = flicker.filter(|o| asked && !o.1.theta.room.radiance) else {
             return Ok(None);
         };
@@ -38,12 +40,7 @@ impl Search<'_> {
         theta: &Theta,
         set: &[&'static str],
     ) -> Vec<&'static str> {
-        let levelled = name == FLICKER && !set.contains(&LEVEL) && self.differs(LEVEL, theta);
+        let levelled = name == FLICKER && !set.contains(&LEVEL) && !is_as_given(LEVEL, theta, &self.base);
         if levelled { vec![LEVEL, name] } else { vec![name] }
-    }
-
-    /// Whether an effect is another one than that of the given camera.
-    fn differs(&self, name: &str, theta: &Theta) -> bool {
-        candidate_of(name).parameters.iter().any(|p| theta.get(*p) != self.base.get(*p))
     }
 }

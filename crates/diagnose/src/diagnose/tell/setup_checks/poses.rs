@@ -5,8 +5,8 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::geometry::{LEFT, UNLIKE};
 use super::thumbs::Thumb;
-use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::evidence::{Evidence, spread_out};
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::Theta;
 use shutterbug::camera::Pose;
@@ -63,16 +63,17 @@ pub(super) fn convention(
     if as_is <= UNLIKE {
         return Ok(None);
     }
-    let n = evidence.frames.len().min(FRAMES);
-    let frames = (0..n).map(|i| evidence.frames[i * evidence.frames.len() / n].clone()).collect();
+    let all: Vec<usize> = (0..evidence.frames.len()).collect();
+    let frames = spread_out(&all, FRAMES).into_iter().map(|at| evidence.frames[at].clone()).collect();
     let some = Evidence { frames, ..evidence.clone() };
+    let places: Vec<usize> = (0..some.frames.len()).collect();
     let real: Vec<Thumb> = some.frames.iter().map(|f| Thumb::of(&f.dn)).collect();
+    let mut other = capture.clone();
     let mut best: Option<(f64, &str)> = None;
     for (name, meant) in CONVENTIONS {
-        let trajectory = capture.trajectory.mapped(meant);
-        let other = Capture { trajectory, ..capture.clone() };
+        other.trajectory = capture.trajectory.mapped(meant);
         let mut forward = Forward::new(Some(context), &other, &some, None, forward.budget.clone())?;
-        let pictures = forward.simulate(&(0..n).collect::<Vec<_>>(), given, Quality::Coarse)?;
+        let pictures = forward.simulate(&places, given, Quality::Coarse)?;
         let unlike = median(real.iter().zip(&pictures).map(|(real, dn)| real.unlike(&Thumb::of(dn))));
         if best.is_none_or(|b| unlike < b.0) {
             best = Some((unlike, name));
