@@ -1,6 +1,6 @@
 //! Rigid transforms, named by the spaces they join: `world_from_camera`, `world_from_object`.
 
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 
 /// A rigid transform `p_to = rotation p_from + translation_m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +51,17 @@ impl Pose {
     #[inline]
     pub fn transform(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.translation_m
+    }
+
+    /// A camera's axes (x right, y down, z forward) in those of OpenGL and Blender (x right, y up, z backward).
+    pub fn opengl_from_camera() -> DQuat {
+        DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0)
+    }
+
+    /// The axes of a camera that looks along the x axis of a robot's body, in the body's (x forward, y left, z up; ROS
+    /// REP 103).
+    pub fn body_from_camera() -> DQuat {
+        DQuat::from_mat3(&DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_Z, DVec3::X))
     }
 
     /// As a column-major matrix.

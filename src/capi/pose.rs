@@ -62,10 +62,8 @@ fn check_convention(c: &shutterbug_pose_convention) -> Outcome<()> {
 /// Optical axes (x right, y down, z forward) in a host's camera axes.
 fn own_from_optical(axes: u32) -> DQuat {
     match axes {
-        // OpenGL: x right, y up, z backward.
-        1 => DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0),
-        // A robot's body: x forward, y left, z up.
-        2 => DQuat::from_mat3(&DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X)),
+        1 => Pose::opengl_from_camera(),
+        2 => Pose::body_from_camera(),
         _ => DQuat::IDENTITY,
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 
 use super::draw::Draw;
 use super::room::Mover;
@@ -75,9 +75,8 @@ fn line(text: &mut String, time_s: f64, pose: &Pose) {
 
 /// World from camera of a camera that looks along `yaw` (0 is +x), `pitch` up, `roll` about its axis.
 fn looking(yaw: f64, pitch: f64, roll: f64) -> DQuat {
-    // Columns: the optical x (right), y (down), z (forward) of a camera that looks along +x, in the world.
-    let level = DQuat::from_mat3(&DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X));
-    DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(-pitch) * level * DQuat::from_rotation_z(roll)
+    let body = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(-pitch);
+    body * Pose::body_from_camera() * DQuat::from_rotation_z(roll)
 }
 
 /// A hand: slow wandering, faster shaking, in all six directions.

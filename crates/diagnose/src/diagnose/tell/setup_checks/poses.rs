@@ -1,7 +1,7 @@
 //! Poses in another convention than the capture's: each is tried, and the one in which the frames resemble the
 //! simulation is named.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::DQuat;
 
 use super::geometry::{LEFT, UNLIKE};
 use super::thumbs::Thumb;
@@ -25,13 +25,13 @@ const CONVENTIONS: [Convention; 5] = [
     ("from the world to the camera, the inverse of what is asked for", Pose::inverse),
     ("with w before x, y and z of the quaternions", |p| turned(p, w_first(p.rotation))),
     ("of a camera whose y axis points up and z axis backwards (OpenGL, Blender, NeRF)", |p| {
-        turned(p, p.rotation * DQuat::from_rotation_x(std::f64::consts::PI))
+        turned(p, p.rotation * Pose::opengl_from_camera())
     }),
     ("of a body whose x axis points forward, y left and z up (ROS)", |p| {
-        turned(p, p.rotation * body_from_camera())
+        turned(p, p.rotation * Pose::body_from_camera())
     }),
     ("of a camera in the axes of a robot's body: x where the picture's z is", |p| {
-        turned(p, p.rotation * body_from_camera().conjugate())
+        turned(p, p.rotation * Pose::body_from_camera().conjugate())
     }),
 ];
 
@@ -42,11 +42,6 @@ fn turned(pose: &Pose, rotation: DQuat) -> Pose {
 /// Four numbers w, x, y, z that were read as x, y, z, w.
 fn w_first(read: DQuat) -> DQuat {
     DQuat::from_xyzw(read.y, read.z, read.w, read.x)
-}
-
-/// Right, down and forward of a camera that looks along the x axis of a body with y left and z up (REP 103).
-fn body_from_camera() -> DQuat {
-    DQuat::from_mat3(&DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_Z, DVec3::X))
 }
 
 /// In which convention the poses seem to be, if the frames do not resemble the simulation as the poses were read.
@@ -92,6 +87,7 @@ pub(super) fn convention(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::{DMat3, DVec3};
 
     #[test]
     fn each_convention_gives_back_the_pose_that_was_meant() {
@@ -103,8 +99,8 @@ mod tests {
             pose.inverse(),
             turned(&pose, DQuat::from_xyzw(r.w, r.x, r.y, r.z)),
             turned(&pose, r * gl),
-            turned(&pose, r * body_from_camera().conjugate()),
-            turned(&pose, r * body_from_camera()),
+            turned(&pose, r * Pose::body_from_camera().conjugate()),
+            turned(&pose, r * Pose::body_from_camera()),
         ];
         for ((name, meant), read) in CONVENTIONS.iter().zip(written) {
             let back = meant(&read);
@@ -112,7 +108,7 @@ mod tests {
             assert!((back.translation_m - pose.translation_m).length() < 1e-12, "{name}");
             assert!(read.rotation.dot(r).abs() < 0.999, "control: {name} changes the pose");
         }
-        let forward = body_from_camera() * DVec3::Z;
+        let forward = Pose::body_from_camera() * DVec3::Z;
         assert!((forward - DVec3::X).length() < 1e-12, "a camera looks along the body's x axis: {forward}");
     }
 }
