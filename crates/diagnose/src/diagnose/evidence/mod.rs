@@ -30,6 +30,8 @@ const LARGE_PX: usize = 640 * 480 * 2;
 const MOST_PX_IN_ALL: usize = 24 << 20;
 /// Px of the frames that are scored at a time: what a camera may do to each is drawn several times.
 const SCORED_PX: usize = 8 << 20;
+/// Px of the frames of which is held what a model says of every value: 200 bytes a px, and 80 of the frame before them.
+const JUDGED_PX: usize = 3 << 20;
 /// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
 pub(crate) const BLOCK: usize = 2;
 
@@ -169,8 +171,16 @@ impl Evidence {
 impl Evidence {
     /// How many frames of this size are scored at a time.
     pub(crate) fn at_a_time(&self) -> usize {
-        let px = self.frames.first().map_or(1, |f| f.dn.width * f.dn.height);
-        (SCORED_PX / px.max(1)).max(BLOCK)
+        (SCORED_PX / self.frame_px()).max(BLOCK)
+    }
+
+    /// Of how many of them is held what a model says of every value.
+    pub(crate) fn judged_at_a_time(&self) -> usize {
+        (JUDGED_PX / self.frame_px()).clamp(1, rayon::current_num_threads().max(2))
+    }
+
+    fn frame_px(&self) -> usize {
+        self.frames.first().map_or(1, |f| f.dn.width * f.dn.height).max(1)
     }
 }
 

@@ -24,7 +24,7 @@ use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;
 use hot::HotMap;
-use score::{FAMILIES, FrameScore, Scored, SeenIn, score_frame, seen_in};
+use score::{FAMILIES, FrameScore, KeptOf, Scored, score_frame, seen_in};
 use shutterbug::chain::rng::{random_bits, seed_words};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -39,7 +39,7 @@ pub(crate) const RESAMPLES: usize = 1000;
 const STREAM_BOOTSTRAP: u32 = 0x4253;
 
 /// What a few frames come to: scores, the frames as simulated, and number and sight of the last.
-type Part = (Vec<FrameScore>, Vec<Arc<Plane<f32>>>, Option<(usize, SeenIn)>);
+type Part = (Vec<FrameScore>, Vec<Arc<Plane<f32>>>, Option<(usize, KeptOf)>);
 
 /// Scores on some frames, one per frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -358,7 +358,7 @@ impl<'a> Judge<'a> {
         forward: &mut Forward,
         [theta, shown]: [&Theta; 2],
         frames: &[usize],
-        last: Option<(usize, SeenIn)>,
+        last: Option<(usize, KeptOf)>,
     ) -> Result<Part> {
         let mut means = forward.pictures(frames, shown, self.quality)?;
         let drawn = forward.drawn(frames, theta, self.quality, &means)?;
@@ -390,21 +390,21 @@ impl<'a> Judge<'a> {
         let before = |i: usize| if i > 0 { Some(index(i - 1)) } else { ahead };
         let follows = |i: usize| before(i).is_some_and(|before| index(i) == before + 1);
         let mut scores = Vec::new();
-        let mut last = last.map(|(_, seen)| seen);
-        // What a model says of every value takes many times what the picture does: a few frames at a time.
-        let few = rayon::current_num_threads().max(2);
+        let mut last = last.map(|(_, kept)| kept);
+        let few = self.evidence.judged_at_a_time();
         for (chunk, frames) in scored.chunks(few).enumerate() {
             forward.budget.go_on()?;
             let seen: Vec<_> = frames.par_iter().map(|frame| seen_in(frame, &tone)).collect();
-            let before = |i: usize| if i > 0 { seen.get(i - 1) } else { last.as_ref() };
+            let kept: Vec<_> = seen.iter().map(|frame| frame.kept()).collect();
+            let before = |i: usize| if i > 0 { kept.get(i - 1) } else { last.as_ref() };
             let score = |i: usize| {
                 let before = before(i).filter(|_| follows(chunk * few + i));
                 score_frame(&seen[i], before)
             };
             scores.par_extend((0..seen.len()).into_par_iter().map(score));
-            last = seen.into_iter().next_back();
+            last = kept.into_iter().next_back();
         }
-        let end = last.map(|seen| (index(frames.len() - 1), seen));
+        let end = last.map(|kept| (index(frames.len() - 1), kept));
         drop(scored);
         Ok((scores, means, end))
     }

@@ -7,15 +7,17 @@
 //! other families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
 
 mod alike;
+mod bands;
 mod lines;
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::{Arc, LazyLock};
 
-use alike::beside_larger;
+use rayon::prelude::*;
+
+use bands::bands;
 use lines::lines;
 
-use crate::diagnose::evidence::blocks::pooled as averages;
 use crate::diagnose::expect::discrepancy::{COLOUR_DN, DRAWS, REACH, edges};
 use crate::diagnose::expect::pair::given::GivenValue;
 use crate::diagnose::expect::rounding::{rounded, rounded_twice};
@@ -192,23 +194,38 @@ impl Sums {
     }
 }
 
-/// What a model says of one value, and how far off it is.
-#[derive(Clone, Copy)]
+/// What a model says of one value, and how far off it is. Large pictures have millions of them.
+#[derive(Clone, Copy, Default)]
 struct Seen {
     /// Real minus mean, DN.
     error: f32,
-    /// Variance of noise that is new in every value and frame, and of the pattern's, before anything averages it.
-    noise: Variances,
-    /// Of the noise of rows: variance in the mean of a row, DN^2.
+    /// Variances of all noise, of rounding too, DN^2: in this value, and in what differs from the frame before.
+    noise: f32,
+    change: f32,
+    /// What bands and lines have of the noise, but for that of rows, DN^2.
+    bands: [f32; 3],
+    lines: [f32; 2],
+    /// Of the noise of rows: variance in this value, and in the mean of a row, DN^2.
+    row: f32,
     in_row: f32,
-    /// What of that pixels, bands and lines have.
-    left: Left,
-    /// Variance of rounding beyond that, DN^2.
-    rounding: f32,
+    /// Standard deviation of the pattern that the frame before has too, DN.
+    pattern: f32,
     /// What correct simulations may differ by, DN^2: in this value alone, and in all of its colour.
     single: f32,
     common: f32,
     /// Variance that all values have in common whose picture has the same `value`, DN^2; see [`GivenValue`].
+    alike: f32,
+    value: u8,
+}
+
+/// What differences to the next frame need of a value.
+#[derive(Clone, Copy)]
+struct Kept {
+    error: f32,
+    change: f32,
+    pattern: f32,
+    /// What correct simulations may differ by, DN^2.
+    off: f32,
     alike: f32,
     value: u8,
 }
@@ -228,12 +245,18 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     // Of what is common the colours' own error is; the rest is rounding.
     let common =
         if given.is_some() { whole.common.min((COLOUR_DN * COLOUR_DN) as f32) } else { whole.common };
+    let rounding = (whole.free - variance - noise.row).max(0.0);
+    let kept = |share: f32| share * (noise.free + noise.fixed) + rounding;
+    let new_pattern = (left.pixel - left.steady).max(0.0) * noise.fixed;
     Seen {
         error: frame.real.data[i] - whole.mean,
-        noise,
+        noise: left.pixel * (noise.free + noise.fixed) + noise.row + rounding,
+        change: left.pixel * noise.free + new_pattern + noise.row + rounding,
+        bands: left.bands.map(kept),
+        lines: left.lines.map(kept),
+        row: noise.row,
         in_row,
-        left,
-        rounding: (whole.free - variance - noise.row).max(0.0),
+        pattern: (left.steady * noise.fixed).sqrt(),
         single,
         common,
         alike: whole.common - common,
@@ -275,9 +298,10 @@ pub(crate) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
     let size = [frame.real.width, frame.real.height];
     let edges = edges(frame.mean, frame.path);
     let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
-    let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
-    let (values, given): (Vec<Option<Seen>>, bool) = (values.collect(), frame.given.is_some());
-    let has_rows = || values.iter().flatten().any(|v| v.noise.row > 0.0);
+    let value = |i: usize| open(i).then(|| seen(frame, tone, &edges, i));
+    let values: Vec<Option<Seen>> = (0..size[0] * size[1] * 3).into_par_iter().map(value).collect();
+    let given = frame.given.is_some();
+    let has_rows = || values.iter().flatten().any(|v| v.row > 0.0);
     let row_bands = match frame.flips.filter(|_| has_rows()) {
         Some(flips) => (0..values.len()).map(|i| flips.rows(size[0], i).1).collect(),
         None => Vec::new(),
@@ -285,45 +309,79 @@ pub(crate) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
     SeenIn { size, unsure: tone.uncertainty(), values, row_bands, given, drawn: frame.drawn.to_vec() }
 }
 
-/// Scores a frame; `before` is the frame before it, where that is held out too.
-pub(crate) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore {
-    let ([w, h], unsure, values) = (frame.size, frame.unsure, &frame.values);
-    let blocks = Blocks::of(w, h);
-    let mut sums: [Sums; 7] = std::array::from_fn(|_| Sums::new(blocks));
-    for (i, v) in values.iter().enumerate() {
-        let Some(v) = v else { continue };
-        let noise = v.left.pixel * (v.noise.free + v.noise.fixed) + v.noise.row + v.rounding;
-        let off = v.single + v.common + v.alike + mean_square(&frame.drawn, |draw| draw.data[i]);
-        let known = off + unsure * noise;
-        sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), known.into());
-    }
-    bands(frame, blocks, &mut sums[1..4]);
-    lines(frame, blocks, &mut sums[4..6]);
-    if let Some(before) = before {
-        for (i, (a, b)) in values.iter().zip(&before.values).enumerate() {
-            let (Some(a), Some(b)) = (a, b) else { continue };
-            let noise = |v: &Seen| {
-                let new = (v.left.pixel - v.left.steady).max(0.0) * v.noise.fixed;
-                v.left.pixel * v.noise.free + new + v.noise.row + v.rounding
-            };
-            let drawn = (0..frame.drawn.len()).map(|k| frame.drawn[k].data[i] - before.drawn[k].data[i]);
-            let drawn = drawn.map(|d| d * d).sum::<f32>() / DRAWS as f32;
-            let alike = match a.value == b.value {
-                true => (a.alike.sqrt() - b.alike.sqrt()).powi(2),
-                false => a.alike + b.alike,
-            };
-            let off = drawn + alike + ((a.single + a.common) + (b.single + b.common));
-            // A fixed pattern is the same in both, as strong as their values make it, but for what a file has made of
-            // it.
-            let pattern = |v: &Seen| (v.left.steady * v.noise.fixed).sqrt();
-            let noise = noise(a) + noise(b) + (pattern(a) - pattern(b)).powi(2);
-            let known = off + unsure * noise;
-            let block = blocks.at(i / 3 % w, i / 3 / w);
-            sums[6].add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
+/// What differences to the next frame need of a frame: less than half of [`SeenIn`].
+pub(crate) struct KeptOf {
+    values: Vec<Option<Kept>>,
+    drawn: Vec<Arc<Plane<f32>>>,
+}
+
+impl SeenIn {
+    /// What the next frame needs of this one.
+    pub(crate) fn kept(&self) -> KeptOf {
+        let one = |v: &Seen| Kept {
+            error: v.error,
+            change: v.change,
+            pattern: v.pattern,
+            off: v.single + v.common,
+            alike: v.alike,
+            value: v.value,
+        };
+        KeptOf {
+            values: self.values.par_iter().map(|v| v.as_ref().map(one)).collect(),
+            drawn: self.drawn.clone(),
         }
     }
-    let has_rows = values.iter().flatten().any(|v| v.noise.row > 0.0);
+}
+
+/// Scores a frame; `before` is the frame before it, where that is held out too.
+pub(crate) fn score_frame(frame: &SeenIn, before: Option<&KeptOf>) -> FrameScore {
+    let blocks = Blocks::of(frame.size[0], frame.size[1]);
+    let mut sums: [Sums; 7] = std::array::from_fn(|_| Sums::new(blocks));
+    let (near, rest) = sums.split_at_mut(1);
+    let (coarse, rest) = rest.split_at_mut(3);
+    let (in_lines, changes) = rest.split_at_mut(2);
+    rayon::join(
+        || bands(frame, blocks, coarse),
+        || {
+            pixels(frame, blocks, &mut near[0]);
+            lines(frame, blocks, in_lines);
+            before.into_iter().for_each(|before| differences(frame, before, blocks, &mut changes[0]));
+        },
+    );
+    let has_rows = frame.values.iter().flatten().any(|v| v.row > 0.0);
     FrameScore { rows_of: has_rows.then_some(blocks.across), ..together(&sums) }
+}
+
+/// Single values.
+fn pixels(frame: &SeenIn, blocks: Blocks, sums: &mut Sums) {
+    let w = frame.size[0];
+    for (i, v) in frame.values.iter().enumerate() {
+        let Some(v) = v else { continue };
+        let noise = v.noise;
+        let off = v.single + v.common + v.alike + mean_square(&frame.drawn, |draw| draw.data[i]);
+        let known = off + frame.unsure * noise;
+        sums.add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), known.into());
+    }
+}
+
+/// Differences of single values from the frame before.
+fn differences(frame: &SeenIn, before: &KeptOf, blocks: Blocks, sums: &mut Sums) {
+    let w = frame.size[0];
+    for (i, (a, b)) in frame.values.iter().zip(&before.values).enumerate() {
+        let (Some(a), Some(b)) = (a, b) else { continue };
+        let drawn = (0..frame.drawn.len()).map(|k| frame.drawn[k].data[i] - before.drawn[k].data[i]);
+        let drawn = drawn.map(|d| d * d).sum::<f32>() / DRAWS as f32;
+        let alike = match a.value == b.value {
+            true => (a.alike.sqrt() - b.alike.sqrt()).powi(2),
+            false => a.alike + b.alike,
+        };
+        let off = drawn + alike + ((a.single + a.common) + b.off);
+        // A fixed pattern is the same in both, as strong as their values make it, but for what a file has made of it.
+        let noise = a.change + b.change + (a.pattern - b.pattern).powi(2);
+        let known = off + frame.unsure * noise;
+        let block = blocks.at(i / 3 % w, i / 3 / w);
+        sums.add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
+    }
 }
 
 /// The families by their weights.
@@ -347,79 +405,6 @@ fn together(sums: &[Sums; 7]) -> FrameScore {
 /// Mean over draws of the square of what a statistic sees of them, DN^2.
 fn mean_square(drawn: &[Arc<Plane<f32>>], of: impl Fn(&Plane<f32>) -> f32) -> f32 {
     drawn.iter().map(|draw| of(draw).powi(2)).sum::<f32>() / DRAWS as f32
-}
-
-/// Sums over a block of pixels: errors, number, what correct simulations may differ by in single values and in colours,
-/// and by band what it sees of noise and rounding, and of noise of rows.
-type Pooled = [f64; 10];
-
-/// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
-fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
-    let ([whole_w, whole_h], unsure) = (frame.size, f64::from(frame.unsure));
-    let (mut w, mut h) = (whole_w, whole_h);
-    let one = |i: usize| match &frame.values[i] {
-        Some(v) => {
-            let free = |share: f32| f64::from(share * (v.noise.free + v.noise.fixed) + v.rounding);
-            let [a, b, c] = v.left.bands.map(free);
-            let rows = frame.row_bands.get(i).copied().unwrap_or([v.noise.row; 3]);
-            let [ra, rb, rc] = rows.map(f64::from);
-            [v.error.into(), 1.0, v.single.into(), v.common.into(), a, b, c, ra, rb, rc]
-        }
-        None => [0.0; 10],
-    };
-    let mut level: Vec<Pooled> = Vec::new();
-    for (band, size) in [2usize, 4, 8].into_iter().enumerate() {
-        // Sums of single values are not kept: they would take more than all else of a large picture.
-        let fine = match band {
-            0 => pooled(one, w, h),
-            _ => pooled(|i| level[i], w, h),
-        };
-        (w, h) = (w / 2, h / 2);
-        if w < 2 || h < 2 {
-            return;
-        }
-        let coarse = pooled(|i| fine[i], w, h);
-        let full = (size * size) as f64;
-        let averaged = |side: usize| -> Vec<Vec<f32>> {
-            frame.drawn.iter().map(|draw| averages(&draw.data, whole_w, whole_h, side)).collect()
-        };
-        let drawn = [averaged(size), averaged(2 * size)];
-        let alike = if frame.given { beside_larger(&frame.values, frame.size, size) } else { Vec::new() };
-        for (y, x, c) in (0..h / 2 * 2).flat_map(|y| (0..w / 2 * 6).map(move |i| (y, i / 3, i % 3))) {
-            let (at, around) = ((y * w + x) * 3 + c, ((y / 2) * (w / 2) + x / 2) * 3 + c);
-            let (f, g) = (fine[at], coarse[around]);
-            if f[1] < full || g[1] < 4.0 * full {
-                continue;
-            }
-            let error = f[0] / f[1] - g[0] / g[1];
-            // Three quarters of the variance of a block's mean remain beside the mean over four of them; of row noise,
-            // which is common to both blocks of a row, one half, and as much of a colour's error.
-            let free = 0.75 * f[4 + band] / (f[1] * f[1]);
-            let row = 0.5 * f[7 + band] / f[1] / size as f64;
-            let differ = drawn[0].iter().zip(&drawn[1]).map(|(f, g)| f64::from(f[at] - g[around]).powi(2));
-            let alike = alike.get(at).copied().map_or(0.0, f64::from);
-            let off =
-                0.75 * f[2] / (f[1] * f[1]) + 0.5 * f[3] / f[1] + alike + differ.sum::<f64>() / DRAWS as f64;
-            let known = off + unsure * (free + row);
-            sums[band].add(blocks.at(x * size, y * size), error, free + row + off, known);
-        }
-        level = fine;
-    }
-}
-
-/// Sums over blocks of two by two of what is `at` the places of a picture of `w` by `h` px.
-fn pooled(at: impl Fn(usize) -> Pooled, w: usize, h: usize) -> Vec<Pooled> {
-    let mut out = vec![[0.0; 10]; (w / 2) * (h / 2) * 3];
-    for y in 0..h / 2 * 2 {
-        for x in 0..w / 2 * 2 {
-            for c in 0..3 {
-                let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
-                let value = at((y * w + x) * 3 + c);
-                (0..10).for_each(|k| to[k] += value[k]);
-            }
-        }
-    }
-    out
 }
 
 #[cfg(test)]

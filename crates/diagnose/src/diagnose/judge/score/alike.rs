@@ -54,21 +54,9 @@ pub(super) fn beside_larger(values: &[Option<Seen>], [w, h]: [usize; 2], side: u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::expect::tone::Variances;
-    use shutterbug::chain::Left;
 
     fn seen(value: u8) -> Seen {
-        Seen {
-            error: 0.0,
-            noise: Variances::default(),
-            in_row: 0.0,
-            left: Left::ALL,
-            rounding: 0.0,
-            single: 0.0,
-            common: 0.0,
-            alike: 0.09,
-            value,
-        }
+        Seen { alike: 0.09, value, ..Seen::default() }
     }
 
     #[test]

@@ -16,10 +16,9 @@ struct Line {
 }
 
 impl Line {
-    /// Adds a value that keeps `share` of its own noise, and of that of rows what adds up along the line: its size in a
+    /// Adds a value that keeps `free` of its own noise, and of that of rows what adds up along the line: its size in a
     /// row, where it is one draw, and its variance in a column.
-    fn add(&mut self, v: &Seen, share: f32, of_rows: f32, drawn: &[Arc<Plane<f32>>], i: usize) {
-        let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
+    fn add(&mut self, v: &Seen, free: f32, of_rows: f32, drawn: &[Arc<Plane<f32>>], i: usize) {
         let add = [v.error, free, of_rows, 1.0, v.single, v.common];
         for (sum, add) in self.sums.iter_mut().zip(add) {
             *sum += f64::from(add);
@@ -53,8 +52,8 @@ pub(super) fn lines(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
     for (i, v) in frame.values.iter().enumerate() {
         let Some(v) = v else { continue };
         let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
-        rows[y * 3 + c].add(v, v.left.lines[0], v.in_row.sqrt(), &frame.drawn, i);
-        columns[x * 3 + c].add(v, v.left.lines[1], v.in_row, &frame.drawn, i);
+        rows[y * 3 + c].add(v, v.lines[0], v.in_row.sqrt(), &frame.drawn, i);
+        columns[x * 3 + c].add(v, v.lines[1], v.in_row, &frame.drawn, i);
         alike[0].add(y * 3 + c, v);
         alike[1].add(x * 3 + c, v);
     }
