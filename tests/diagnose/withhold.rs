@@ -237,6 +237,7 @@ fn case(kind: Kind, hidden: &[&str], found: &[&str]) -> CaseScore {
         sentence: String::new(),
         first_right: found.first().is_some_and(|f| hidden.contains(f)),
         exact: hidden == found,
+        exact_or_alike: hidden == found,
         gap: [3.0, 1.0, 1.0],
         closed: 0.9,
         closed_by_truth: Some(1.0),

@@ -11,6 +11,7 @@
 
 #[cfg(all(test, feature = "added-effect"))]
 mod added_effect;
+mod alike;
 mod child;
 mod curve;
 mod curve_page;
@@ -124,7 +125,11 @@ pub fn withhold(
                 })?;
                 fresh += 1;
                 let left = (options.count - index - 1) as f64 * clock.elapsed().as_secs_f64() / fresh as f64;
-                let mark = if score.exact { "right" } else { "WRONG" };
+                let mark = match (score.exact, score.exact_or_alike) {
+                    (true, _) => "right",
+                    (_, true) => "told as what does the same here",
+                    _ => "WRONG",
+                };
                 say(&format!(
                     "case {}/{}: {mark}: hidden [{}], said {} [{}]; {:.0} min left",
                     index + 1,

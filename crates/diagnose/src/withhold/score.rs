@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::alike::is_alike;
 use super::falsify::Falsified;
 use super::hidden::Kind;
 use crate::diagnose::{Report, Verdict};
@@ -37,6 +38,9 @@ pub struct CaseScore {
     pub first_right: bool,
     /// Whether the names are those that were hidden, no more and no less (left out: as `first_right`).
     pub exact: bool,
+    /// The same, or the report says that what it names does what was hidden on these frames.
+    #[serde(default)]
+    pub exact_or_alike: bool,
     /// Gap before, after and floor, DN; zeros where the diagnosis failed.
     pub gap: [f64; 3],
     /// Part of the gap that the diagnosis closed.
@@ -91,6 +95,7 @@ impl CaseScore {
             sentence: String::new(),
             first_right: false,
             exact: false,
+            exact_or_alike: false,
             gap: [0.0; 3],
             closed: 0.0,
             closed_by_truth: None,
@@ -135,6 +140,8 @@ impl CaseScore {
             sentence: report.sentence.clone(),
             first_right,
             exact,
+            exact_or_alike: exact
+                || (matches!(kind, Kind::Single | Kind::Several) && is_alike(&blank.hidden, &camera)),
             gap: [g.before, g.after, g.floor],
             closed: g.closed_fraction,
             parameters,
@@ -268,6 +275,9 @@ pub struct Summary {
     pub first_named: BTreeMap<String, Tally>,
     /// Exact set right, likewise.
     pub exact_set: BTreeMap<String, Tally>,
+    /// The same, with sets that the report itself says these frames do not tell from the hidden one.
+    #[serde(default)]
+    pub exact_or_alike: BTreeMap<String, Tally>,
     /// Captures with nothing hidden in which something was named.
     pub false_alarms: Tally,
     /// `unknown_effect` said where the hidden effect was taken out of the candidates.
@@ -314,6 +324,7 @@ impl Summary {
                     let kind = if score.kind == Kind::Single { "single" } else { "several" };
                     s.first_named.entry(kind.to_owned()).or_default().add(score.first_right);
                     s.exact_set.entry(kind.to_owned()).or_default().add(score.exact);
+                    s.exact_or_alike.entry(kind.to_owned()).or_default().add(score.exact_or_alike);
                     for name in groups(&score.hidden) {
                         s.groups.entry(name.to_owned()).or_default().add(score);
                     }
