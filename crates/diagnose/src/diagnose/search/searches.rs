@@ -248,8 +248,23 @@ impl Search<'_> {
     /// A finding with the description free, and where the scene lacks something beside it.
     fn with_objects(&mut self, found: Found, room: &[&'static str]) -> Result<First> {
         self.forward.budget.enter(Stage::End);
-        let objects = in_time(self.objects_beside(&found, room))?.flatten();
+        let mut objects = in_time(self.objects_beside(&found, room))?.flatten();
+        if objects.is_none() && found.set.contains(&SURFACES) {
+            objects = in_time(self.objects_painted(&found))?.flatten();
+        }
         Ok(First { found, objects, questioned: true })
+    }
+
+    /// Where the scene lacks something that factors of surfaces were taken for: they make a thing of what lies behind
+    /// it, and leave its outline, which no surface has. Without them and without those places all else is explained.
+    fn objects_painted(&mut self, found: &Found) -> Result<Option<Objects>> {
+        let painted = self.judge.scores(self.forward, &found.fit.theta)?;
+        if painted.beyond_bounds().is_empty() {
+            return Ok(None);
+        }
+        let mut plain = found.clone();
+        plain.fit.theta = restored(&found.fit.theta, &self.base, candidate_of(SURFACES));
+        self.undescribed(&plain)
     }
 
     /// The finding of the whole frames, where objects turned out to be none.
