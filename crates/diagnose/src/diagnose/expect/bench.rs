@@ -10,7 +10,7 @@ use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 /// Most bytes of larger pictures that are kept, and of delivered ones.
-const KEPT_BYTES: usize = 256 << 20;
+pub(super) const KEPT_BYTES: usize = 256 << 20;
 
 /// The engines, by quality. An engine's pictures depend, in their last bits, on the frames before them (how triangles
 /// are cut, how far images reach).
@@ -172,8 +172,13 @@ pub(super) fn in_flight(engine: &mut Engine, requests: &[FrameRequest]) -> Resul
     Ok(done)
 }
 
+/// In place: four channels and three of a large picture would be as much again.
 fn radiance(frame: Frame) -> Plane<f32> {
-    let radiance = frame.radiance.expect("radiance was asked for");
-    let data = radiance.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-    Plane { width: radiance.width, height: radiance.height, channels: 3, data }
+    let Plane { width, height, mut data, .. } = frame.radiance.expect("radiance was asked for");
+    for i in 0..width * height {
+        data.copy_within(4 * i..4 * i + 3, 3 * i);
+    }
+    data.truncate(3 * width * height);
+    data.shrink_to_fit();
+    Plane { width, height, channels: 3, data }
 }

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -439,51 +438,6 @@ impl Forward {
         self.journal.lock().expect("nobody panics while it is held")
     }
 
-    /// Frames through a lens, read from larger ones without it.
-    fn read(
-        &mut self,
-        places: &[usize],
-        requests: &[FrameRequest],
-        theta: &Theta,
-        scale: f64,
-        quality: Quality,
-    ) -> Result<Vec<Plane<f32>>> {
-        if quality == Quality::Finest && theta.is_on(P::Exposure) {
-            return mean_of_quarters(|i| {
-                self.read(places, &quarters(requests, i), theta, scale, Quality::Fine)
-            });
-        }
-        let map = self.lens_map(theta, quality);
-        let k = self.magnified(theta, scale);
-        let keys: Vec<Key> = places
-            .iter()
-            .zip(requests)
-            .map(|(&at, r)| self.wide_key(at, &r.shutter, theta, &k, quality))
-            .collect();
-        let mut planes: Vec<_> = keys.iter().map(|key| self.bench.wide.recall(key)).collect();
-        let missing: Vec<usize> = (0..places.len()).filter(|&i| planes[i].is_none()).collect();
-        if !missing.is_empty() {
-            let path = self.path(theta);
-            let k = self.wide_intrinsics(&k, quality);
-            let wider: Vec<_> = missing.iter().map(|&i| self.widened(requests[i].clone(), quality)).collect();
-            let engine = self.wide_engine(quality)?;
-            engine.aim(k, path);
-            for (&i, plane) in missing.iter().zip(in_flight(engine, &wider)?) {
-                let plane = Arc::new(plane);
-                self.bench.wide.keep(keys[i].clone(), plane.clone());
-                planes[i] = Some(plane);
-            }
-        }
-        let shared = &*self;
-        let shutters = requests.par_iter().map(|r| &r.shutter);
-        let lens = planes.par_iter().zip(places).zip(shutters).map(|((plane, &at), shutter)| {
-            let velocity = (shutter.readout_time_s > 0.0).then(|| shared.velocity(at, theta));
-            let plane = plane.as_ref().expect("just rendered");
-            shared.through_lens(plane, &map, shutter, velocity.as_ref())
-        });
-        Ok(lens.collect())
-    }
-
     /// All that what is seen of a frame depends on: times, pose, lens.
     pub(crate) fn sight_key(&self, at: usize, theta: &Theta) -> Key {
         let s = self.shutter(at, theta);
@@ -493,17 +447,8 @@ impl Forward {
         (at, Quality::Fit, times, s.scan_order, geometry)
     }
 
-    /// All that a larger picture depends on: not the lens.
-    fn wide_key(&self, at: usize, s: &ShutterTiming, theta: &Theta, k: &Intrinsics, quality: Quality) -> Key {
-        let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
-        let turn = [P::RotX, P::RotY, P::RotZ].map(|p| theta.get(p).to_bits());
-        let pose = theta.room.poses.get(at).into_iter().flatten().map(|v| v.to_bits());
-        let geometry = turn.into_iter().chain([k.fx, k.fy].map(f64::to_bits)).chain(pose).collect();
-        (at, quality, times, s.scan_order, geometry)
-    }
-
     /// The camera of `theta`, through a lens that magnifies by `scale`.
-    fn magnified(&self, theta: &Theta, scale: f64) -> Intrinsics {
+    pub(super) fn magnified(&self, theta: &Theta, scale: f64) -> Intrinsics {
         let factor = theta.get(P::Focal) * scale;
         Intrinsics { fx: self.intrinsics.fx * factor, fy: self.intrinsics.fy * factor, ..self.intrinsics }
     }
@@ -574,7 +519,7 @@ impl Forward {
 }
 
 /// Requests for one of the four quarters of their exposures.
-fn quarters(requests: &[FrameRequest], which: usize) -> Vec<FrameRequest> {
+pub(super) fn quarters(requests: &[FrameRequest], which: usize) -> Vec<FrameRequest> {
     let mut out = requests.to_vec();
     for FrameRequest { shutter, .. } in &mut out {
         shutter.exposure_time_s *= 0.25;
@@ -584,7 +529,9 @@ fn quarters(requests: &[FrameRequest], which: usize) -> Vec<FrameRequest> {
 }
 
 /// The mean of the pictures of four quarters.
-fn mean_of_quarters(mut of_quarter: impl FnMut(usize) -> Result<Vec<Plane<f32>>>) -> Result<Vec<Plane<f32>>> {
+pub(super) fn mean_of_quarters(
+    mut of_quarter: impl FnMut(usize) -> Result<Vec<Plane<f32>>>,
+) -> Result<Vec<Plane<f32>>> {
     let mut sum = of_quarter(0)?;
     for i in 1..4 {
         let part = of_quarter(i)?;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::bench::Places;
-use super::forward::Forward;
+use super::bench::{KEPT_BYTES, Key, Places, in_flight};
+use super::forward::{Forward, mean_of_quarters, quarters};
 use super::model::{P, Theta};
 use crate::diagnose::evidence::quality::Quality;
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
@@ -23,6 +23,75 @@ fn finer(quality: Quality) -> u32 {
 }
 
 impl Forward {
+    /// Frames through a lens, read from larger ones without it.
+    pub(super) fn read(
+        &mut self,
+        places: &[usize],
+        requests: &[FrameRequest],
+        theta: &Theta,
+        scale: f64,
+        quality: Quality,
+    ) -> Result<Vec<Plane<f32>>> {
+        if quality == Quality::Finest && theta.is_on(P::Exposure) {
+            return mean_of_quarters(|i| {
+                self.read(places, &quarters(requests, i), theta, scale, Quality::Fine)
+            });
+        }
+        let map = self.lens_map(theta, quality);
+        let k = self.magnified(theta, scale);
+        let few = self.wide_at_a_time(quality);
+        let mut seen = Vec::with_capacity(places.len());
+        for (places, requests) in places.chunks(few).zip(requests.chunks(few)) {
+            let planes = self.wider(places, requests, theta, &k, quality)?;
+            for ((plane, &at), request) in planes.iter().zip(places).zip(requests) {
+                let shutter = &request.shutter;
+                let velocity = (shutter.readout_time_s > 0.0).then(|| self.velocity(at, theta));
+                seen.push(self.through_lens(plane, &map, shutter, velocity.as_ref()));
+            }
+        }
+        Ok(seen)
+    }
+
+    /// The larger pictures without the lens: those that are kept, the others rendered.
+    fn wider(
+        &mut self,
+        places: &[usize],
+        requests: &[FrameRequest],
+        theta: &Theta,
+        k: &Intrinsics,
+        quality: Quality,
+    ) -> Result<Vec<Arc<Plane<f32>>>> {
+        let keys: Vec<Key> = places
+            .iter()
+            .zip(requests)
+            .map(|(&at, r)| self.wide_key(at, &r.shutter, theta, k, quality))
+            .collect();
+        let mut planes: Vec<_> = keys.iter().map(|key| self.bench.wide.recall(key)).collect();
+        let missing: Vec<usize> = (0..places.len()).filter(|&i| planes[i].is_none()).collect();
+        if !missing.is_empty() {
+            let path = self.path(theta);
+            let k = self.wide_intrinsics(k, quality);
+            let wider: Vec<_> = missing.iter().map(|&i| self.widened(requests[i].clone(), quality)).collect();
+            let engine = self.wide_engine(quality)?;
+            engine.aim(k, path);
+            for (&i, plane) in missing.iter().zip(in_flight(engine, &wider)?) {
+                let plane = Arc::new(plane);
+                self.bench.wide.keep(keys[i].clone(), plane.clone());
+                planes[i] = Some(plane);
+            }
+        }
+        Ok(planes.into_iter().map(|plane| plane.expect("kept, or just rendered")).collect())
+    }
+
+    /// All that a larger picture depends on: not the lens.
+    fn wide_key(&self, at: usize, s: &ShutterTiming, theta: &Theta, k: &Intrinsics, quality: Quality) -> Key {
+        let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
+        let turn = [P::RotX, P::RotY, P::RotZ].map(|p| theta.get(p).to_bits());
+        let pose = theta.room.poses.get(at).into_iter().flatten().map(|v| v.to_bits());
+        let geometry = turn.into_iter().chain([k.fx, k.fy].map(f64::to_bits)).chain(pose).collect();
+        (at, quality, times, s.scan_order, geometry)
+    }
+
     /// Where each part of each pixel looks, px of the picture without the lens; makes the margin wide enough.
     pub(crate) fn lens_map(&mut self, theta: &Theta, quality: Quality) -> Places {
         let parts = finer(quality) as usize;
@@ -74,6 +143,12 @@ impl Forward {
             cx: k.cx * s,
             cy: k.cy * s,
         }
+    }
+
+    /// Of how many frames the larger pictures are held at a time: as many as are kept, for these may be others.
+    pub(crate) fn wide_at_a_time(&self, quality: Quality) -> usize {
+        let k = self.wide_intrinsics(&self.intrinsics, quality);
+        (KEPT_BYTES / (12 * k.width as usize * k.height as usize)).max(1)
     }
 
     /// The engine of the larger picture.
@@ -139,7 +214,7 @@ impl Forward {
             [(p[0] + margin) * scale - 0.5, (p[1] + margin) * scale - 0.5]
         };
         let mut out: Plane<f32> = Plane::new(w, h, 3);
-        for (y, row) in out.data.chunks_exact_mut(3 * w).enumerate() {
+        out.data.par_chunks_exact_mut(3 * w).enumerate().for_each(|(y, row)| {
             for sy in 0..parts {
                 let line = y * parts + sy;
                 let looks = &map.at[line * parts * w..(line + 1) * parts * w];
@@ -152,7 +227,7 @@ impl Forward {
                 }
             }
             row.iter_mut().for_each(|v| *v = v.max(0.0));
-        }
+        });
         out
     }
 }
