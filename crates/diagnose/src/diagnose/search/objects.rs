@@ -20,8 +20,8 @@ use shutterbug::plane::Plane;
 const ACROSS: usize = 40;
 /// Most of the pictures that objects may cover.
 const MOST: f64 = 0.25;
-/// Share of the gap that must be closed elsewhere for another search there to be worth its time: as for names beside
-/// what is unknown.
+/// Share of the gap that must be closed elsewhere for another search there to be worth its time, or that is gone with
+/// the places: as for names beside what is unknown.
 const REST: f64 = super::decide::NAMED[0];
 /// Blocks that an object covers at least, in a frame: two by two, or it is an edge.
 const FEWEST: usize = 4;
@@ -247,7 +247,8 @@ impl Search<'_> {
         tracing::info!(
             "elsewhere {closed:.3} of the gap is closed, {was:.3} to {is:.3} DN beyond: {beyond:?}"
         );
-        Ok(beyond.is_empty() || (closed >= REST && is < 0.5 * was))
+        // An effect that the places hid from the search is found once they are left out.
+        Ok(beyond.is_empty() || (closed >= REST && is < 0.5 * was) || is < (1.0 - REST) * was)
     }
 }
 
