@@ -177,6 +177,45 @@ fn row_noise_comes_back_and_more_frames_tell_more() {
     assert!(calibrate_noise(&all[..2], options).expect("calibrated").temporal.is_none());
 }
 
+fn options(encoding: Encoding) -> NoiseOptions {
+    NoiseOptions { encoding, seed: 3, black_level: None }
+}
+
+#[test]
+fn noise_of_rows_is_no_mosaic_and_no_part_of_the_read_noise() {
+    let camera = IspCamera { row_sigma: 0.006, ..IspCamera::sensor(2000.0, 0.003, true, 1.0 / 255.0) };
+    let clean = waves(0.0, 0.0);
+    let real = frames(&camera, &[&clean; 4], 5);
+    let seen = calibrate_noise(&real, options(Encoding::Srgb)).unwrap_or_else(|e| panic!("{e}"));
+    assert!(seen.real.neighbours[1].horizontal > 0.1, "control: rows correlate {:?}", seen.real.neighbours);
+    let found = &seen.camera;
+    assert!(!found.bayer, "{found:?}");
+    for (value, truth, near) in
+        [(found.full_well_e, 2000.0, 0.06), (found.read_sigma, 0.003, 0.3), (found.row_sigma, 0.006, 0.15)]
+    {
+        assert!((value / truth - 1.0).abs() < near, "{value} for {truth}: {found:?}");
+    }
+}
+
+#[test]
+fn pairs_of_two_gains_are_told_and_their_intervals_hold_both() {
+    let clean = ramp(256, 192);
+    let of = |full_well_e: f64, seed| {
+        let camera = IspCamera::sensor(full_well_e, 0.004, false, 1.0 / 65535.0);
+        frames(&camera, &[&clean, &clean], seed)
+    };
+    let noted = |second: f64| {
+        let real: Vec<Frame> = of(2000.0, 1).into_iter().chain(of(second, 2)).collect();
+        let seen = calibrate_noise(&real, options(Encoding::Linear)).unwrap_or_else(|e| panic!("{e}"));
+        let full_well = seen.real.fits[1].as_ref().expect("a line").full_well_e.clone();
+        (seen.notes.iter().any(|note| note.contains("another gain (ISO)")), full_well)
+    };
+    let (is_noted, full_well) = noted(500.0);
+    assert!(is_noted && full_well.ci95[0] < 520.0 && full_well.ci95[1] > 1900.0, "{full_well:?}");
+    let (is_noted, full_well) = noted(2000.0);
+    assert!(!is_noted && full_well.ci95[0] > 1800.0, "control: {full_well:?}");
+}
+
 #[test]
 fn a_known_isp_is_simulated_back_to_its_own_statistics() {
     let camera = IspCamera {

@@ -13,6 +13,7 @@ use super::scene::Together;
 use super::search::{By, Levelled, fit_camera, is_sensor_alone, level, refit};
 use super::series::{edge_variance, static_variance, temporal};
 use super::statics::{AlignedPair, Registration, difference};
+use super::unlike::widened;
 use shutterbug::error::{Error, Result};
 
 /// Frames, and what was measured of them.
@@ -65,8 +66,9 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
 }
 
 fn calibrate(taken: Taken<'_>, options: NoiseOptions) -> Result<Calibration> {
-    let Taken { frames, real, pairs, together } = taken;
+    let Taken { frames, mut real, pairs, together } = taken;
     let (encoding, step) = (options.encoding, frames[0].step);
+    let unlike = widened(&mut real, &pairs, frames, encoding);
     if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
         return Err(Error::input(
             &frames[0].path,
@@ -120,7 +122,7 @@ fn calibrate(taken: Taken<'_>, options: NoiseOptions) -> Result<Calibration> {
             usable: usable.clone(),
         },
     };
-    calibration.notes = notes(&calibration, &together);
+    calibration.notes = unlike.into_iter().chain(notes(&calibration, &together)).collect();
     calibration.notes.extend(unscaled(frames, &calibration.real));
     Ok(open_where_shared(calibration))
 }

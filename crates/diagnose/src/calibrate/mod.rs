@@ -62,6 +62,7 @@ pub mod spatial;
 mod spectrum;
 pub mod statics;
 mod tables;
+mod unlike;
 mod wave;
 
 pub use calibration::calibrate_noise;

@@ -6,7 +6,7 @@ use super::fit;
 use super::frames::{Encoding, Frame};
 use super::model::{CameraModel, IspCamera, LUMA, at_knots};
 use super::noise::{Comparison, Measured, NoiseOptions, compare, expected_sigma, mean_variance, measure};
-use super::ptc::{self, Curve, PtcFit};
+use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
 use super::spatial::{column_noise, correlations, row_noise};
 use super::statics::{AlignedPair, difference};
 use super::tables::{ChainCamera, chain_settings};
@@ -30,10 +30,11 @@ pub(super) fn fit_camera(
     let total: f64 = real.curves[1].iter().filter(|b| !b.cut_off).map(|b| b.count * b.mean_linear).sum();
     let count: f64 = real.curves[1].iter().filter(|b| !b.cut_off).map(|b| b.count).sum();
     let plain = (total / count.max(1.0) / mean_variance(&real.curves[1]).max(1e-9)).clamp(10.0, 1e6);
-    let read = line.map_or(1e-3, |f| f.read_sigma.value);
+    let row = Some(&real.row_sigma[1]).filter(|row| row.ci95[0] > 0.0).map_or(0.0, |row| row.value);
+    // The line's constant part is that of pixels and of rows.
+    let read = line.map_or(1e-3, |f| (f.read_sigma.value.powi(2) - row * row).max(0.0).sqrt());
     let mut camera = IspCamera::sensor(line.map_or(plain, electrons), read, srgb, f64::from(frame.step));
-    let row = &real.row_sigma[1];
-    camera.row_sigma = if row.ci95[0] > 0.0 { row.value } else { 0.0 };
+    camera.row_sigma = row;
     let measured = cells(&pair.mean(), &pair.difference(|v| v), &pair.usable);
     let targets = fit::targets(&measured);
     if is_sensor_alone(frame, real) || targets.len() < 3 {
@@ -55,10 +56,22 @@ pub(super) fn fit_camera(
     refit(&camera, pair, options, By::Model)
 }
 
-/// Whether neighbours have nothing in common, as behind a sensor without an ISP.
+/// Whether neighbours have nothing in common but noise of rows and of columns, as behind a sensor without an ISP.
 pub(super) fn is_sensor_alone(frame: &Frame, real: &Measured) -> bool {
-    let white = real.neighbours.iter().all(|n| n.horizontal.abs().max(n.vertical.abs()) < 0.1);
-    white && frame.jpeg.is_none()
+    let is_white = |c: usize| {
+        let of_lines = [&real.row_sigma, &real.column_sigma].map(|s| correlation_by(s[c], &real.curves[c]));
+        let seen = [real.neighbours[c].horizontal, real.neighbours[c].vertical];
+        seen.iter().zip(of_lines).all(|(seen, of_lines)| (seen - of_lines).abs() < 0.1)
+    };
+    (0..3).all(is_white) && frame.jpeg.is_none()
+}
+
+/// Correlation of a line's pixels by what they share: its mean share of the variance.
+fn correlation_by(sigma: Estimate, bins: &[Bin]) -> f64 {
+    let share = |b: &Bin| (sigma.value.powi(2) / b.variance_linear).clamp(0.0, 1.0);
+    let seen = bins.iter().filter(|b| !b.cut_off && b.variance_linear > 0.0);
+    let (all, sum) = seen.fold((0.0, 0.0), |(n, s), b| (n + b.count, s + b.count * share(b)));
+    if all > 0.0 { sum / all } else { 0.0 }
 }
 
 /// Saturation of the ISP by its trace: behind the clipping at black a factor below 1 leaves no channel under 1 - factor
