@@ -207,7 +207,7 @@ fn pairs_of_two_gains_are_told_and_their_intervals_hold_both() {
     let noted = |second: f64| {
         let real: Vec<Frame> = of(2000.0, 1).into_iter().chain(of(second, 2)).collect();
         let seen = calibrate_noise(&real, options(Encoding::Linear)).unwrap_or_else(|e| panic!("{e}"));
-        let full_well = seen.real.fits[1].as_ref().expect("a line").full_well_e.clone();
+        let full_well = seen.real.fits[1].as_ref().expect("a line").full_well_e;
         (seen.notes.iter().any(|note| note.contains("another gain (ISO)")), full_well)
     };
     let (is_noted, full_well) = noted(500.0);

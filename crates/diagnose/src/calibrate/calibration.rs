@@ -69,14 +69,7 @@ fn calibrate(taken: Taken<'_>, options: NoiseOptions) -> Result<Calibration> {
     let Taken { frames, mut real, pairs, together } = taken;
     let (encoding, step) = (options.encoding, frames[0].step);
     let unlike = widened(&mut real, &pairs, frames, encoding);
-    if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
-        return Err(Error::input(
-            &frames[0].path,
-            None,
-            "no intensity at which the noise is whole",
-            "surfaces between black and white that rest",
-        ));
-    }
+    check_whole(frames, &real)?;
     let camera = fit_camera(&pairs[0], &frames[0], &real, options)?;
     let Levelled { camera, simulated, shown, without, held_out } =
         level(camera, &pairs, &real, step, options, By::Model)?;
@@ -122,9 +115,18 @@ fn calibrate(taken: Taken<'_>, options: NoiseOptions) -> Result<Calibration> {
             usable: usable.clone(),
         },
     };
-    calibration.notes = unlike.into_iter().chain(notes(&calibration, &together)).collect();
-    calibration.notes.extend(unscaled(frames, &calibration.real));
+    let rest = notes(&calibration, &together).into_iter().chain(unscaled(frames, &calibration.real));
+    calibration.notes = unlike.into_iter().chain(rest).collect();
     Ok(open_where_shared(calibration))
+}
+
+/// Somewhere between black and white nothing of the noise is cut off.
+fn check_whole(frames: &[Frame], real: &Measured) -> Result<()> {
+    if real.curves.iter().flatten().any(|bin| !bin.cut_off) {
+        return Ok(());
+    }
+    let expected = "surfaces between black and white that rest";
+    Err(Error::input(&frames[0].path, None, "no intensity at which the noise is whole", expected))
 }
 
 /// A camera without any noise misses its variance by the whole of it: one that misses by more is no finding.

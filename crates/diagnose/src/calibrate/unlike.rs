@@ -33,8 +33,8 @@ pub(super) fn widened(
         |i: usize| frames[i].path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     Some(format!(
         "WARNING: {} and {} have {ratio:.2} times the variance of {} and {} at equal brightness, as frames of another \
-         gain (ISO) have: the figures are those of neither, and their intervals hold those of each pair. Give frames of \
-         one setting",
+         gain (ISO) have: the figures are those of neither, and their intervals hold those of each pair. Give frames \
+         of one setting",
         name(2 * k),
         name(2 * k + 1),
         name(0),

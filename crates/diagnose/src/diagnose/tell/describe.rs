@@ -191,7 +191,7 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
         if failed.is_empty() { String::new() } else { format!(" (it shows in: {})", failed.join(", ")) };
     let lacks = match (camera.as_str(), room.as_str()) {
         (camera, "") => format!("The simulation lacks {camera}"),
-        ("", room) => format!("The description is not right ({room}), and the camera lacks nothing"),
+        ("", room) => format!("The camera lacks nothing, but the description is not right ({room})"),
         (camera, room) => format!("The camera lacks {camera}, and the description is not right ({room})"),
     };
     let parts = parts(gap, effects);

@@ -128,8 +128,8 @@ fn functions() -> impl Iterator<Item = Vec<usize>> {
 /// What factors of surfaces look like.
 ///
 /// Of 60 rooms of twelve (24) materials drawn at random, saturations of 0.7 and 1.55, a contrast, what a gamma leaves
-/// of one, a mix of channels, and a matrix of light (Display P3 taken for sRGB) were told in 60 (60) each; paint by 10 %
-/// was taken for one of them in none, with a share of 0.45 (0.20) at most.
+/// of one, a mix of channels, and a matrix of light (Display P3 taken for sRGB) were told in 60 (60) each; paint by
+/// 10 % was taken for one of them in none, with a share of 0.45 (0.20) at most.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum ByValue {
     /// There are none, or too few materials to tell.
