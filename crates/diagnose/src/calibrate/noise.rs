@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::frames::{Encoding, Frame, check};
 use super::model::IspCamera;
-use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
+use super::ptc::{self, Bin, Estimate, PtcFit};
 use super::scene::{Together, one_scene};
 use super::series::Temporal;
 use super::spatial::{Correlation, column_noise, correlations, row_noise};
@@ -151,11 +151,7 @@ pub(super) fn mean_variance(bins: &[Bin]) -> f64 {
 
 /// All statistics of aligned pairs.
 pub(super) fn measure(pairs: &[AlignedPair], step: f32, encoding: Encoding) -> Measured {
-    let mut curves = [Curve::default(), Curve::default(), Curve::default()];
-    for pair in pairs {
-        ptc::add_pair(&mut curves, pair, encoding);
-    }
-    let curves = curves.map(|c| c.bins(step, encoding));
+    let curves = ptc::curves(pairs, step, encoding);
     let first = &pairs[0];
     let encoded = first.difference(|v| v);
     let (sigma, whole) = expected_sigma(&first.mean(), &curves, &first.usable);

@@ -289,14 +289,18 @@ pub(super) fn student_t(dof: f64) -> f64 {
         + (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / (384.0 * n.powi(3))
 }
 
-/// Adds all channels of a pair to their curves.
-pub fn add_pair(curves: &mut [Curve; 3], pair: &AlignedPair, encoding: Encoding) {
-    let mean = pair.mean();
-    let encoded = pair.difference(|v| v);
-    let linear = pair.difference(|v| encoding.decode(v));
-    for (channel, curve) in curves.iter_mut().enumerate() {
-        curve.add(&mean, [&encoded, &linear], &pair.usable, channel, encoding);
+/// Photon transfer curves of R, G, B through all pairs.
+pub fn curves(pairs: &[AlignedPair], step: f32, encoding: Encoding) -> [Vec<Bin>; 3] {
+    let mut curves = [Curve::default(), Curve::default(), Curve::default()];
+    for pair in pairs {
+        let mean = pair.mean();
+        let encoded = pair.difference(|v| v);
+        let linear = pair.difference(|v| encoding.decode(v));
+        for (channel, curve) in curves.iter_mut().enumerate() {
+            curve.add(&mean, [&encoded, &linear], &pair.usable, channel, encoding);
+        }
     }
+    curves.map(|curve| curve.bins(step, encoding))
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use super::frames::{Encoding, Frame};
 use super::noise::Measured;
-use super::ptc::{self, Bin, Curve, PtcFit};
+use super::ptc::{self, Bin, PtcFit};
 use super::statics::AlignedPair;
 
 /// From this ratio of variances on: what comparisons with a simulation call near.
@@ -16,7 +16,12 @@ pub(super) fn widened(
     frames: &[Frame],
     encoding: Encoding,
 ) -> Option<String> {
-    let own: Vec<[Vec<Bin>; 3]> = pairs.iter().map(|pair| bins_of(pair, frames[0].step, encoding)).collect();
+    // A pair alone is what was measured.
+    if pairs.len() < 2 {
+        return None;
+    }
+    let own: Vec<[Vec<Bin>; 3]> =
+        pairs.chunks(1).map(|pair| ptc::curves(pair, frames[0].step, encoding)).collect();
     let chance = |c: usize, n: f64| 1.96 * (4.0 * real.neighbours[c].effective_pixels / n).sqrt();
     let compared = |k: usize| (0..3).map(move |c| (k, c));
     let unlike = (1..own.len()).flat_map(compared).filter_map(|(k, c)| {
@@ -29,8 +34,7 @@ pub(super) fn widened(
         let effective = real.neighbours[c].effective_pixels;
         own.iter().filter_map(|bins| ptc::fit(&bins[c], effective)).for_each(|one| reach(fit, &one));
     }
-    let name =
-        |i: usize| frames[i].path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let name = |i: usize| frames[i].path.display();
     Some(format!(
         "WARNING: {} and {} have {ratio:.2} times the variance of {} and {} at equal brightness, as frames of another \
          gain (ISO) have: the figures are those of neither, and their intervals hold those of each pair. Give frames \
@@ -40,12 +44,6 @@ pub(super) fn widened(
         name(0),
         name(1)
     ))
-}
-
-fn bins_of(pair: &AlignedPair, step: f32, encoding: Encoding) -> [Vec<Bin>; 3] {
-    let mut curves = [Curve::default(), Curve::default(), Curve::default()];
-    ptc::add_pair(&mut curves, pair, encoding);
-    curves.map(|curve| curve.bins(step, encoding))
 }
 
 /// Variance over that of others in the bins that both have, and the pixels there.
