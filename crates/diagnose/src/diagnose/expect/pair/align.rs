@@ -1,13 +1,15 @@
 //! How real and simulated frames lie on each other, measured before anything is compared: displacements of a grid of
 //! windows, each with a brightness of its own (Lucas and Kanade 1981, with gain and offset), smooth from window to
-//! window.
+//! window, of pictures that are made equally sharp.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::GoOn;
 use super::grey::Grey;
+use super::sharpness::Blurred;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 use shutterbug::plane::stats::median;
@@ -32,7 +34,7 @@ const ALIKE: f64 = 0.8;
 
 /// Displacements of a grid of windows, px: where content of the first picture is in the second.
 #[derive(Clone)]
-struct Field {
+pub(super) struct Field {
     nx: usize,
     ny: usize,
     at: Vec<[f64; 2]>,
@@ -92,9 +94,51 @@ impl Field {
         })
     }
 
+    /// Number of windows.
+    pub(super) fn len(&self) -> usize {
+        self.at.len()
+    }
+
+    /// Columns and rows of a window that reaches so far from its middle, over its own width and height, in a picture of
+    /// that size. Pixels at the border have no slopes.
+    pub(super) fn range(&self, i: usize, size: (usize, usize), reach: f64) -> [Range<usize>; 2] {
+        let middle = self.middle(i, size);
+        let range = |middle: f64, n: usize, side: usize| {
+            let half = side as f64 / n as f64 * reach;
+            ((middle - half).max(1.0) as usize)..((middle + half).min(side as f64 - 2.0).max(1.0) as usize)
+        };
+        [range(middle[0], self.nx, size.0), range(middle[1], self.ny, size.1)]
+    }
+
     /// The displacement at a pixel of a picture of that size.
-    fn read(&self, x: f64, y: f64, (w, h): (usize, usize)) -> [f64; 2] {
+    pub(super) fn read(&self, x: f64, y: f64, (w, h): (usize, usize)) -> [f64; 2] {
         self.between(Self::place(x, self.nx, w), Self::place(y, self.ny, h))
+    }
+
+    /// The windows beside one.
+    fn around(&self, i: usize) -> Vec<usize> {
+        let (x, y) = ((i % self.nx) as isize, (i / self.nx) as isize);
+        let inside =
+            |(x, y): &(isize, isize)| *x >= 0 && *y >= 0 && *x < self.nx as isize && *y < self.ny as isize;
+        let all = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
+        all.into_iter().filter(inside).map(|(x, y)| y as usize * self.nx + x as usize).collect()
+    }
+
+    /// Values of windows with their weights, smooth from window to window. In a window at whose rim an edge ends, a
+    /// gain of fifty makes the foot of a sharp edge that of a soft one: its neighbours know better.
+    pub(super) fn smoothed(&self, own: &[(f64, f64)]) -> Vec<f64> {
+        let mean = own.iter().map(|o| o.1).sum::<f64>() / own.len() as f64;
+        let start = own.iter().map(|o| o.0 * o.1).sum::<f64>() / (mean * own.len() as f64).max(1e-9);
+        let mut out = vec![start; own.len()];
+        let beside = SMOOTH * mean.max(1e-9);
+        for _ in 0..60 {
+            for (i, (value, weight)) in own.iter().enumerate() {
+                let around = self.around(i);
+                let near = around.iter().map(|&j| out[j]).sum::<f64>() / around.len() as f64;
+                out[i] = (weight * value + beside * near) / (weight + beside);
+            }
+        }
+        out
     }
 
     /// Moves every window by what it and its neighbours see.
@@ -102,18 +146,10 @@ impl Field {
         let trace = windows.iter().map(|w| 0.5 * (w.a[0] + w.a[2])).sum::<f64>() / windows.len() as f64;
         let lambda = SMOOTH * trace.max(1e-9);
         let old = self.at.clone();
-        let near = |i: usize| {
-            let (x, y) = ((i % self.nx) as isize, (i / self.nx) as isize);
-            let inside = |(x, y): &(isize, isize)| {
-                *x >= 0 && *y >= 0 && *x < self.nx as isize && *y < self.ny as isize
-            };
-            let all = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
-            all.into_iter().filter(inside).map(|(x, y)| y as usize * self.nx + x as usize).collect::<Vec<_>>()
-        };
         // What differs from the mean of the neighbours pays; straight lines from window to window pay nothing inside.
         for _ in 0..60 {
             for i in 0..self.at.len() {
-                let around = near(i);
+                let around = self.around(i);
                 let n = around.len() as f64;
                 let mean = [0, 1].map(|k| around.iter().map(|&j| self.at[j][k]).sum::<f64>() / n);
                 let (w, l) = (&windows[i], lambda * if around.len() == 4 { 1.0 } else { 0.1 });
@@ -148,16 +184,10 @@ impl Field {
 /// What each window of two pictures says of how the second lies beside where `field` has it.
 fn windows(a: &Grey, b: &Grey, field: &Field) -> Vec<Window> {
     let size = (a.w, a.h);
-    let half = [a.w as f64 / field.nx as f64 * 0.75, a.h as f64 / field.ny as f64 * 0.75];
     // Nothing is displaced yet: pixels are read as they are.
     let rests = field.at.iter().all(|d| *d == [0.0; 2]);
     let one = |i: usize| {
-        let middle = field.middle(i, size);
-        let range = |k: usize, side: usize| {
-            let (from, to) = (middle[k] - half[k], middle[k] + half[k]);
-            (from.max(1.0) as usize)..(to.min(side as f64 - 2.0).max(1.0) as usize)
-        };
-        let [columns, rows] = [range(0, a.w), range(1, a.h)];
+        let [columns, rows] = field.range(i, size, 0.75);
         let every = (columns.len() * rows.len()).div_ceil(WINDOW_PX).isqrt().max(1);
         let mut seen = Vec::with_capacity(columns.len().div_ceil(every) * rows.len().div_ceil(every));
         let columns: Vec<_> =
@@ -181,36 +211,64 @@ fn windows(a: &Grey, b: &Grey, field: &Field) -> Vec<Window> {
                 seen.push([own, value, gx, gy]);
             }
         }
-        window(&seen)
+        Content::of(&seen)
     };
-    (0..field.at.len()).into_par_iter().map(one).collect()
+    let all: Vec<Content> = (0..field.at.len()).into_par_iter().map(one).collect();
+    let gains: Vec<(f64, f64)> = all.iter().map(Content::gain).collect();
+    all.iter().zip(field.smoothed(&gains)).map(|(content, gain)| content.window(gain)).collect()
 }
 
-/// Normal equations of a window: `a = gain (b + slope . d) + offset`, with gain and offset from the window itself.
-fn window(seen: &[[f64; 4]]) -> Window {
-    let n = seen.len() as f64;
-    if n < 12.0 {
-        return Window::default();
+/// What a window is made of: covariances of the value in the first picture, that in the second one, and its slopes.
+#[derive(Clone, Copy, Default)]
+struct Content {
+    n: f64,
+    c: [[f64; 4]; 4],
+    alike: f64,
+}
+
+impl Content {
+    fn of(seen: &[[f64; 4]]) -> Self {
+        let n = seen.len() as f64;
+        if n < 12.0 {
+            return Self::default();
+        }
+        let mean: [f64; 4] = std::array::from_fn(|k| seen.iter().map(|s| s[k]).sum::<f64>() / n);
+        let mut c = [[0.0; 4]; 4];
+        for s in seen {
+            let d: [f64; 4] = std::array::from_fn(|k| s[k] - mean[k]);
+            (0..4).for_each(|i| (0..4).for_each(|j| c[i][j] += d[i] * d[j]));
+        }
+        let c = c.map(|row| row.map(|v| v / n));
+        Self { n, c, alike: c[0][1] / (c[0][0] * c[1][1]).sqrt().max(1e-9) }
     }
-    let mean: [f64; 4] = std::array::from_fn(|k| seen.iter().map(|s| s[k]).sum::<f64>() / n);
-    let mut c = [[0.0; 4]; 4];
-    for s in seen {
-        let d: [f64; 4] = std::array::from_fn(|k| s[k] - mean[k]);
-        (0..4).for_each(|i| (0..4).for_each(|j| c[i][j] += d[i] * d[j]));
+
+    /// Whether it says where it lies.
+    fn tells(&self) -> bool {
+        self.alike > 0.3 && self.c[1][1] >= 0.25
     }
-    let c = c.map(|row| row.map(|v| v / n));
-    let alike = c[0][1] / (c[0][0] * c[1][1]).sqrt().max(1e-9);
-    if !(alike > 0.3) || c[1][1] < 0.25 {
-        return Window { alike, ..Window::default() };
+
+    /// The gain that fits it best, and how well it is known.
+    fn gain(&self) -> (f64, f64) {
+        let c = &self.c;
+        let gain = c[0][1] / c[1][1].max(1e-9);
+        let noise = (c[0][0] - gain * c[0][1]).max(0.1);
+        (gain, if self.tells() { self.n * c[1][1] / noise } else { 0.0 })
     }
-    let gain = c[0][1] / c[1][1];
-    // What gain and offset could do is taken out of the slopes.
-    let beside = |i: usize, j: usize| c[i][j] - c[i][1] * c[1][j] / c[1][1];
-    let noise = (c[0][0] - gain * c[0][1]).max(0.1);
-    let weight = n * alike.powi(4) / noise;
-    let a = [beside(2, 2), beside(2, 3), beside(3, 3)].map(|v| weight * gain * gain * v);
-    let b = [beside(2, 0), beside(3, 0)].map(|v| weight * gain * v);
-    Window { a, b, alike }
+
+    /// Normal equations: `a = gain (b + slope . d) + offset`, with an offset from the window itself.
+    fn window(&self, gain: f64) -> Window {
+        let (c, alike) = (&self.c, self.alike);
+        if !self.tells() {
+            return Window { alike, ..Window::default() };
+        }
+        // What a gain could do is taken out of the slopes.
+        let beside = |i: usize, j: usize| c[i][j] - c[i][1] * c[1][j] / c[1][1];
+        let noise = (c[0][0] - 2.0 * gain * c[0][1] + gain * gain * c[1][1]).max(0.1);
+        let weight = self.n * alike.powi(4) / noise;
+        let a = [beside(2, 2), beside(2, 3), beside(3, 3)].map(|v| weight * gain * gain * v);
+        let b = [beside(2, 0), beside(3, 0)].map(|v| weight * gain * v);
+        Window { a, b, alike }
+    }
 }
 
 /// How the simulated frame lies on the real one (both DN, shape `[height, width, 3]`).
@@ -259,16 +317,18 @@ fn displacements(real: &Grey, sim: &Grey, go_on: GoOn<'_>) -> Result<(Field, Vec
     let whole = whole_shift(a, b);
     field.at.fill(whole);
     for (k, (a, b)) in levels.iter().enumerate().rev() {
+        let blurred = Blurred::of(b);
         for _ in 0..ROUNDS {
             go_on()?;
-            let seen = windows(a, b, &field);
+            let seen = windows(a, &blurred.as_sharp_as(a, &field), &field);
             field.step(&seen);
         }
         if k > 0 {
             field.at.iter_mut().for_each(|d| *d = d.map(|v| 2.0 * v));
         }
     }
-    let seen = windows(&levels[0].0, &levels[0].1, &field);
+    let (a, b) = &levels[0];
+    let seen = windows(a, &Blurred::of(b).as_sharp_as(a, &field), &field);
     let alone = |w: &Window| {
         let d = w.a[0] * w.a[2] - w.a[1] * w.a[1];
         if d > 1e-9 {
@@ -309,7 +369,7 @@ pub(super) fn motion(from: &Plane<f32>, to: &Plane<f32>, go_on: GoOn<'_>) -> Res
 pub(crate) fn slopes_to(a: &Plane<f32>, b: &Plane<f32>) -> Vec<([f64; 2], [f64; 3], [f64; 2])> {
     let (a, b) = (Grey::of(a).soft(), Grey::of(b).soft());
     let field = Field::zero(a.w, a.h);
-    let seen = windows(&a, &b, &field);
+    let seen = windows(&a, &Blurred::of(&b).as_sharp_as(&a, &field), &field);
     let middle = |i: usize| field.middle(i, (a.w, a.h)).map(|v| v + 0.5);
     seen.iter().enumerate().map(|(i, w)| (middle(i), w.a, w.b)).collect()
 }
@@ -351,9 +411,10 @@ fn correlation(pairs: &[[f64; 2]]) -> f64 {
 pub(crate) fn residual_px(real: &Plane<f32>, sim: &Plane<f32>) -> Option<f64> {
     let (a, b) = (Grey::of(real).soft(), Grey::of(sim).soft());
     let mut field = Field::zero(a.w, a.h);
+    let blurred = Blurred::of(&b);
     let mut seen = Vec::new();
     for _ in 0..ROUNDS {
-        seen = windows(&a, &b, &field);
+        seen = windows(&a, &blurred.as_sharp_as(&a, &field), &field);
         field.step(&seen);
     }
     field.rms(&seen)

@@ -1,7 +1,7 @@
 //! A picture of one channel: halved, softened, and read between its pixels with its slopes.
 
 use rayon::prelude::*;
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, srgb_decode};
 
 /// A single-channel picture.
 #[derive(Clone)]
@@ -12,8 +12,12 @@ pub(super) struct Grey {
 }
 
 impl Grey {
+    /// Linear light of a picture, 255 where it is white: a blur is the same on both sides of an edge in light, and not
+    /// in values. DN, shape `[height, width, 3]`.
     pub fn of(plane: &Plane<f32>) -> Self {
-        let data = plane.data.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect();
+        let light = |v: &f32| 255.0 * srgb_decode(v / 255.0);
+        let mean = |p: &[f32]| p.iter().map(light).sum::<f32>() / 3.0;
+        let data = plane.data.chunks_exact(3).map(mean).collect();
         Self { w: plane.width, h: plane.height, data }
     }
 
@@ -52,6 +56,34 @@ impl Grey {
             }
         });
         Self { data, ..*self }
+    }
+
+    /// Blurred along rows or along columns: by one pixel, or by two where every second of them counts.
+    pub fn softened(&self, every: usize, along_rows: bool) -> Self {
+        let (w, h) = (self.w, self.h);
+        let (step, side) = if along_rows { (1, w) } else { (w, h) };
+        let mut data = vec![0.0; w * h];
+        data.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
+            for (x, out) in out.iter_mut().enumerate() {
+                let at = if along_rows { x } else { y };
+                let from = y * w + x - at * step;
+                // Beyond the picture it goes on as at its border.
+                let near = |k: usize| {
+                    let to = (at + k * every).saturating_sub(2 * every).min(side - 1);
+                    self.data[from + to * step]
+                };
+                *out = 0.375 * near(2) + 0.25 * (near(1) + near(3)) + 0.0625 * (near(0) + near(4));
+            }
+        });
+        Self { data, ..*self }
+    }
+
+    /// Value at a place that lies inside, between four pixels.
+    pub fn value(&self, x: f64, y: f64) -> f32 {
+        let (x0, y0) = (x as usize, y as usize);
+        let (fx, fy) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
+        let (up, down) = (&self.data[y0 * self.w + x0..], &self.data[(y0 + 1) * self.w + x0..]);
+        (up[0] * (1.0 - fx) + up[1] * fx) * (1.0 - fy) + (down[0] * (1.0 - fx) + down[1] * fx) * fy
     }
 
     /// Value and slopes at a place that lies at least one pixel inside, between four pixels each.
@@ -93,6 +125,22 @@ mod tests {
                 assert!((f64::from(*v) - by_hand(i)).abs() < 1e-3, "{w}x{h}, {i}: {v} for {}", by_hand(i));
             }
         }
+    }
+
+    #[test]
+    fn a_picture_is_blurred_along_one_side_only() {
+        let (w, h) = (9, 7);
+        let grey = Grey { w, h, data: (0..w * h).map(|i| ((i * 7919) % 251) as f32).collect() };
+        let both = grey.softened(1, true).softened(1, false).data;
+        let soft = grey.soft().data;
+        assert!(both.iter().zip(&soft).all(|(a, b)| (a - b).abs() < 1e-3), "{both:?} for {soft:?}");
+        let wide = grey.softened(2, true).data;
+        let by_hand = |x: usize| {
+            let at = |k: i64| grey.data[3 * w + (x as i64 + k).clamp(0, 8) as usize];
+            0.375 * at(0) + 0.25 * (at(-2) + at(2)) + 0.0625 * (at(-4) + at(4))
+        };
+        assert!((0..w).all(|x| (wide[3 * w + x] - by_hand(x)).abs() < 1e-3), "{wide:?}");
+        assert!((grey.value(3.25, 4.5) - grey.read(3.25, 4.5)[0]).abs() < 1e-4);
     }
 
     #[test]

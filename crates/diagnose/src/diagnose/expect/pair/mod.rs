@@ -17,6 +17,7 @@ mod matched;
 mod outside;
 mod planes;
 mod sample;
+mod sharpness;
 mod stills;
 mod track;
 mod warp;
