@@ -226,6 +226,14 @@ fn flat_text(
     let [a1, a2] = [&f.a1, &f.a2].map(|m| format!("{:.4} [{:.4}, {:.4}]", m.value, m.ci95[0], m.ci95[1]));
     let _ =
         writeln!(text, "  fall-off: corners get {:.1} % of the middle; a1 {a1}, a2 {a2}", 100.0 * f.corner);
+    if let Some(corners) = f.corner_by_colour {
+        let [r, g, b] = corners.map(|c| 100.0 * c);
+        let _ = writeln!(
+            text,
+            "  WARNING: colours fall off by themselves (colour shading): corners get {r:.1} % of red, {g:.1} % of green, \
+             {b:.1} % of blue. [vignetting] of camera.toml is their mean, the same for all"
+        );
+    }
     let _ = writeln!(
         text,
         "  the light itself: tilted by {} over half a diagonal, {} rms beyond that (an even fall-off of the light \
@@ -311,6 +319,16 @@ fn noise_text(text: &mut String, f: &Flat) {
         "  rounding of the values: up to {} of the level where that noise does not hide it (in the intervals)",
         percent(f.rounding)
     );
+    if let Some(shared) = &f.shared_lines {
+        let lines = if shared.rows { "rows" } else { "columns" };
+        let _ = writeln!(
+            text,
+            "  WARNING: {lines} are brighter or darker by {} rms in all pictures: each has an amplifier or a converter \
+             of its own. The pattern above is of single pixels, and [fixed_pattern_noise] of camera.toml has no part \
+             of this",
+            percent(shared.rms)
+        );
+    }
     if let Some(bands) = &f.bands {
         let lines = if bands.rows { "rows" } else { "columns" };
         let _ = writeln!(

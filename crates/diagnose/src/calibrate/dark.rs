@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::flat::{AROUND_PX, Measured, box_mean};
+use super::box_mean::box_mean;
+use super::flat::{AROUND_PX, Measured};
 use super::frames::{Encoding, of_pattern};
 use super::own::{Z99, beyond};
 use shutterbug::error::{Error, Result};

@@ -42,6 +42,13 @@ impl Blocks {
         Self { size: [width, height], sums: vec![0.0; blocks], white: vec![false; blocks] }
     }
 
+    /// Sum of the pictures' means over the blocks that are not white.
+    pub(super) fn level(&self) -> f64 {
+        let kept: Vec<f64> =
+            self.sums.iter().zip(&self.white).filter(|(_, w)| !**w).map(|(s, _)| *s).collect();
+        kept.iter().sum::<f64>() / kept.len().max(1) as f64
+    }
+
     pub(super) fn count(&self) -> usize {
         self.sums.len()
     }
@@ -132,9 +139,11 @@ impl Blocks {
             let together = rounding * row.iter().map(|v| v.abs()).sum::<f64>() / 1.96;
             [x[i] / x[0], (variance.sqrt() * row.norm() + together) / x[0]]
         };
-        let corner = (x[0] + x[1] + x[2]) / x[0];
+        let both = solver.row(1) + solver.row(2);
+        let together = rounding * both.iter().map(|v| v.abs()).sum::<f64>() / 1.96;
+        let corner = [(x[0] + x[1] + x[2]) / x[0], (variance.sqrt() * both.norm() + together) / x[0]];
         let uneven = (left / rows as f64).sqrt() / x[0];
-        [by(1), by(2), [corner, 0.0], [x[3].hypot(x[4]) / x[0], 0.0], [uneven, 0.0]]
+        [by(1), by(2), corner, [x[3].hypot(x[4]) / x[0], 0.0], [uneven, 0.0]]
     }
 }
 

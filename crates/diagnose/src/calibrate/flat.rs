@@ -7,6 +7,7 @@
 
 use serde::Serialize;
 
+use super::box_mean::box_mean;
 use super::corners::Corners;
 use super::drawn::{Drawn, drawn, fill, frame_of};
 use super::ends::{alone, is_end, level_of};
@@ -16,6 +17,7 @@ use super::lines::{Bands, Lines};
 use super::odd::{Odd, Patterns};
 use super::own::{REPEAT_PX, content};
 use super::rounding::Rounding;
+use super::shading::Shading;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
 
@@ -36,7 +38,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    fn of(value: f64, deviation: f64) -> Self {
+    pub(super) fn of(value: f64, deviation: f64) -> Self {
         Self { value, ci95: [value - 1.96 * deviation, value + 1.96 * deviation] }
     }
 
@@ -70,6 +72,8 @@ pub struct Flat {
     pub a2: Measured,
     /// What the corners get of the light of the middle.
     pub corner: f64,
+    /// The same in red, green and blue, where it differs.
+    pub corner_by_colour: Option<[f64; 3]>,
     /// Tilt of the light over half a diagonal, and what is left beyond fall-off and tilt: rms, of the level.
     pub tilt: f64,
     /// See `tilt`.
@@ -85,6 +89,9 @@ pub struct Flat {
     pub rounding: f64,
     /// Rows or columns that differ from picture to picture by more than their pixels' noise.
     pub bands: Option<Bands>,
+    /// Rows or columns that are brighter or darker in all pictures, by more than their pixels' own pattern makes them.
+    /// They have no part in `prnu`.
+    pub shared_lines: Option<Bands>,
     /// The pattern of half of the pictures beside that of the others.
     pub itself: Likeness,
     /// Pixels that are white in every picture, unlike their neighbours. They have no part in the pattern's figures.
@@ -120,6 +127,7 @@ pub struct FlatSums {
     blocks: Blocks,
     lines: Lines,
     corners: Corners,
+    shading: Shading,
     patterns: Patterns,
     /// What is drawn on the first picture, plain to see.
     drawn: Vec<Drawn>,
@@ -141,6 +149,7 @@ impl FlatSums {
             blocks: Blocks::new(width, height),
             lines: Lines::default(),
             corners: Corners::new(width, height),
+            shading: Shading::new(width, height),
             patterns: Patterns::default(),
             drawn: Vec::new(),
             ends: vec![[0; 2]; width * height],
@@ -172,6 +181,7 @@ impl FlatSums {
         self.blocks.add(&light);
         self.lines.add(&light, level);
         self.corners.add(&light);
+        self.shading.add(encoded, self.encoding, self.black, 1.0 - 0.5 * step);
         let even = without_fall_off(&light, &self.blocks);
         let mut own = beside_mean(&even);
         own.data.iter_mut().zip(&ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = 0.0);
@@ -295,6 +305,7 @@ impl FlatSums {
             a1: Measured::of(a1[0], a1[1]),
             a2: Measured::of(a2[0], a2[1]),
             corner: corner[0],
+            corner_by_colour: self.shading.unlike(rounding),
             tilt: tilt[0],
             uneven: uneven[0],
             prnu,
@@ -302,6 +313,7 @@ impl FlatSums {
             shared_noise,
             rounding,
             bands: self.lines.bands(),
+            shared_lines: self.lines.shared(),
             itself,
             stuck,
             dead,
@@ -341,42 +353,6 @@ fn beside_mean(light: &Plane<f32>) -> Plane<f32> {
     let mut own = box_mean(light, AROUND_PX);
     own.data.iter_mut().zip(&light.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
     own
-}
-
-/// Means over squares of `2 radius + 1` px, cut off at the border.
-pub(super) fn box_mean(plane: &Plane<f32>, radius: usize) -> Plane<f32> {
-    let (w, h) = (plane.width, plane.height);
-    let mut across: Plane<f32> = Plane::new(w, h, 1);
-    for y in 0..h {
-        let row = plane.row(y);
-        let mut sum: f64 = row[..radius.min(w)].iter().map(|v| f64::from(*v)).sum();
-        for x in 0..w {
-            if x + radius < w {
-                sum += f64::from(row[x + radius]);
-            }
-            if x > radius {
-                sum -= f64::from(row[x - radius - 1]);
-            }
-            let count = (x + radius + 1).min(w) - x.saturating_sub(radius);
-            across.data[y * w + x] = (sum / count as f64) as f32;
-        }
-    }
-    let mut out: Plane<f32> = Plane::new(w, h, 1);
-    let mut sums: Vec<f64> = vec![0.0; w];
-    for y in 0..radius.min(h) {
-        sums.iter_mut().zip(across.row(y)).for_each(|(s, v)| *s += f64::from(*v));
-    }
-    for y in 0..h {
-        if y + radius < h {
-            sums.iter_mut().zip(across.row(y + radius)).for_each(|(s, v)| *s += f64::from(*v));
-        }
-        if y > radius {
-            sums.iter_mut().zip(across.row(y - radius - 1)).for_each(|(s, v)| *s -= f64::from(*v));
-        }
-        let count = ((y + radius + 1).min(h) - y.saturating_sub(radius)) as f64;
-        out.data[y * w..(y + 1) * w].iter_mut().zip(&sums).for_each(|(o, s)| *o = (s / count) as f32);
-    }
-    out
 }
 
 /// Takes the means of rows, of columns and of places in a block of 8x8 px out of a pattern: other sensors share them.

@@ -4,7 +4,7 @@
 
 use nalgebra::Complex;
 
-use super::flat::box_mean;
+use super::box_mean::box_mean;
 use super::frames::Encoding;
 use super::own::{beyond, common_spectrum, transform};
 use shutterbug::plane::Plane;
