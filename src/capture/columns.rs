@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::plane::stats::median;
 
 /// Names and units of a table of rates and accelerations, as in EuRoC's `imu0/data.csv`.
 pub const IMU_COLUMNS: [(&str, &str); 7] = [
@@ -46,6 +47,23 @@ pub fn check_columns(path: &Path, text: &str, expected: &[(&str, &str)]) -> Resu
         }
     }
     Ok(())
+}
+
+/// Acceleration of free fall, m/s^2: what a sensor of accelerations shows at rest.
+const GRAVITY_M_S2: f64 = 9.81;
+
+/// Checks that rates [rad/s] are no accelerations [m/s^2]: these are as long as free fall's most of the time (to within
+/// 5 %, which the earth and cheap sensors differ by), and no camera turns one and a half times a second all the time.
+///
+/// # Errors
+/// Rates that are: the file, their median length and what was expected.
+pub fn check_rates(path: &Path, rates: impl IntoIterator<Item = [f64; 3]>) -> Result<()> {
+    let usual = median(rates.into_iter().map(|r| r.iter().map(|v| v * v).sum::<f64>().sqrt()));
+    if (usual / GRAVITY_M_S2 - 1.0).abs() > 0.05 {
+        return Ok(());
+    }
+    let found = format!("rates of {usual:.2} rad/s (median of their lengths), which is free fall in m/s^2");
+    Err(Error::input(path, None, found, "the rates about x, y, z [rad/s] ahead of the accelerations [m/s^2]"))
 }
 
 /// Whether a line of a table begins with the name of its first column, with or without the sign of a comment.
@@ -102,6 +120,16 @@ mod tests {
 
     fn said(text: &str) -> Option<String> {
         check_columns(Path::new("imu.csv"), text, &GYRO).err().map(|e| e.to_string())
+    }
+
+    #[test]
+    fn accelerations_in_the_place_of_rates_are_seen_by_their_length() {
+        let shaken = |i: i32| 0.3 * f64::from(i % 7 - 3);
+        let check = |of: &dyn Fn(i32) -> [f64; 3]| check_rates(Path::new("imu.csv"), (0..99).map(of));
+        let error = check(&|i| [shaken(i), 6.9 + shaken(i + 2), -6.9]).expect_err("free fall").to_string();
+        assert!(error.contains("imu.csv") && error.contains("ahead of the accelerations"), "{error}");
+        assert!(check(&|i| [shaken(i), shaken(i + 2), 0.1]).is_ok(), "control: a hand");
+        assert!(check(&|i| [3.0 * shaken(i), 4.0, 0.1]).is_ok(), "control: a fast turn");
     }
 
     #[test]

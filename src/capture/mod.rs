@@ -15,7 +15,7 @@ mod units;
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
-pub use columns::{IMU_COLUMNS, check_columns, is_header};
+pub use columns::{IMU_COLUMNS, check_columns, check_rates, is_header};
 pub use frames_csv::{FrameEntry, clock_epoch_ns, is_plain_name, parse_frames};
 pub use json::{JsonFault, parse_json};
 pub use lights::parse_lights;

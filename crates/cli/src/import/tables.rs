@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use super::contents::checked_pose;
 use super::poses::IMU_HEADER;
 use shutterbug::camera::{Pose, Stamp, Trajectory};
-use shutterbug::capture::{IMU_COLUMNS, check_columns, read_text};
+use shutterbug::capture::{IMU_COLUMNS, check_columns, check_rates, read_text};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::Limit;
 
@@ -84,6 +84,7 @@ pub(super) fn imu_table(path: &Path, text: &str, turn: DQuat, axes: &str) -> Res
     check_columns(path, text, &IMU_COLUMNS)?;
     let mut out = format!("# axes {axes}\n{IMU_HEADER}\n");
     let mut last = None;
+    let mut rates = Vec::new();
     for (line, content) in lines(text) {
         let fields: Vec<&str> = content.split(',').map(str::trim).collect();
         let numbers: Vec<f64> =
@@ -93,10 +94,12 @@ pub(super) fn imu_table(path: &Path, text: &str, turn: DQuat, axes: &str) -> Res
         };
         increasing(path, line, ns, last)?;
         last = Some(ns);
+        rates.push([*wx, *wy, *wz]);
         let (w, a) = (turn * DVec3::new(*wx, *wy, *wz), turn * DVec3::new(*ax, *ay, *az));
         writeln!(out, "{ns},{:?},{:?},{:?},{:?},{:?},{:?}", w.x, w.y, w.z, a.x, a.y, a.z)
             .expect("writing to a String cannot fail");
     }
+    check_rates(path, rates)?;
     if last.is_none() { Err(Error::input(path, None, "no sample", expected)) } else { Ok(out) }
 }
 

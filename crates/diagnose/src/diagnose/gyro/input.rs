@@ -8,7 +8,9 @@ use super::turn::Gyro;
 use crate::diagnose::evidence::LEAST_SIDE_PX;
 use crate::diagnose::expect::pair::{notes_of_kind, pictures};
 use shutterbug::camera::{Intrinsics, Lens};
-use shutterbug::capture::{CameraFile, IMU_COLUMNS, check_columns, is_header, parse_frames, read_text};
+use shutterbug::capture::{
+    CameraFile, IMU_COLUMNS, check_columns, check_rates, is_header, parse_frames, read_text,
+};
 use shutterbug::effects::LensDistortion;
 use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::Limit;
@@ -198,5 +200,6 @@ fn read_gyro(path: &Path, text: &str, epoch_ns: i64) -> Result<(Gyro, Option<Str
             format!("lines of {expected}"),
         ));
     }
+    check_rates(path, rates.iter().map(|r| r.to_array()))?;
     Ok((Gyro::new(times_s, rates), note))
 }
