@@ -66,6 +66,17 @@ fn gains(mixing: &Mixing, kind: usize) -> [f64; 3] {
     [0, 1, 2].map(|c| f64::from(mixing.pixel[c] * mixing.left[c].high_pass[kind]))
 }
 
+/// Whether the noise of two cameras looks alike behind the steps that mix pixels, to within how well a variance of noise
+/// is known.
+pub(crate) fn mixes_alike(a: &Theta, b: &Theta) -> bool {
+    let [a, b] = [a, b].map(|t| {
+        let mixing = mixing(t);
+        let kinds = (0..chain::DISTANCES.len()).flat_map(|kind| gains(&mixing, kind));
+        kinds.chain(mixing.pixel.map(f64::from)).collect::<Vec<f64>>()
+    });
+    a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= f64::from(SPREAD_ERROR) * a.max(*b))
+}
+
 /// What white noise of single values becomes behind the steps that mix pixels, by colour: a factor of its variance.
 pub(crate) fn mixed_noise(theta: &Theta) -> [f32; 3] {
     mixing(theta).pixel
@@ -121,4 +132,27 @@ pub(crate) fn dn_per_linear(tone: &Tone, dn: f32, channel: usize) -> f32 {
 pub(crate) fn noiseless(theta: &Theta) -> Theta {
     let noises = [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu];
     noises.into_iter().fold(theta.clone(), |theta, p| theta.with(p, 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::expect::vector::PLACES;
+
+    #[test]
+    fn a_filter_that_hardly_touches_noise_is_none() {
+        let of = |name: &str| {
+            let is = |p: &P| p.spec().effect == "noise_reduction" && p.spec().name == name;
+            PLACES.iter().copied().find(is).expect("one")
+        };
+        let soft = |luma: f64, chroma: f64| {
+            Theta::neutral().with(of("luma_sigma_px"), luma).with(of("chroma_sigma_px"), chroma)
+        };
+        assert!(mixes_alike(&Theta::neutral(), &soft(0.27, 0.28)));
+        for (luma, chroma) in [(0.45, 0.0), (0.0, 0.6), (0.6, 0.6)] {
+            assert!(!mixes_alike(&Theta::neutral(), &soft(luma, chroma)), "control: {luma}, {chroma}");
+        }
+        let both = soft(0.5, 0.5).with(P::Sharpen, 0.6).with(P::Radius, 0.6);
+        assert!(!mixes_alike(&Theta::neutral(), &both), "what undo each other");
+    }
 }
