@@ -163,9 +163,16 @@ pub(crate) fn is_periodic(
     Ok(is_a_sine(&times, &seen.means, &said.means))
 }
 
-/// Whether the frames' gains follow what a sine says rather than a drift.
+/// Whether the frames' gains follow what a sine says rather than a drift. A curve or a veil that the model lacks makes
+/// them larger or smaller, all alike.
 fn is_a_sine(times_s: &[f64], seen: &[f64], said: &[f64]) -> bool {
-    let beside: Vec<f64> = seen.iter().zip(said).map(|(a, b)| a - b).collect();
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
+    let (of_seen, of_said) = (mean(seen), mean(said));
+    let sums = seen.iter().zip(said).fold([0.0, 0.0], |[both, own], (a, b)| {
+        [both + (a - of_seen) * (b - of_said), own + (b - of_said).powi(2)]
+    });
+    let scale = (sums[0] / sums[1].max(1e-12)).max(0.0);
+    let beside: Vec<f64> = seen.iter().zip(said).map(|(a, b)| a - scale * b).collect();
     let (all, left) = (size_beside_polynomial(times_s, seen, 0), size_beside_polynomial(times_s, &beside, 0));
     let drift = size_beside_polynomial(times_s, seen, 3.min(seen.len().saturating_sub(3)));
     left < LEAVES[0] * all && drift > LEAVES[0] * all && left < LEAVES[1] * drift
@@ -257,6 +264,9 @@ mod tests {
         let of = |f: &dyn Fn(f64) -> f64| -> Vec<f64> { times.iter().map(|t| f(*t)).collect() };
         let sine = |hz: f64, depth: f64| move |t: f64| depth * (std::f64::consts::TAU * hz * t + 0.4).sin();
         assert!(is_a_sine(&times, &of(&sine(100.0, 0.1)), &of(&sine(100.0, 0.098))));
+        // Behind a curve whose slope is a third less.
+        let curved = |f: &dyn Fn(f64) -> f64| of(&|t| 0.7 * f(t) + 0.1 * f(t).powi(2) + 0.06);
+        assert!(is_a_sine(&times, &curved(&sine(100.0, 0.3)), &of(&sine(100.0, 0.3))));
         // A lamp of 120 Hz seen 29.97 times a second drifts by a tenth of a turn: nobody can tell it from a drift.
         let slow = of(&sine(0.12, 0.3));
         assert!(!is_a_sine(&times, &slow, &slow));
