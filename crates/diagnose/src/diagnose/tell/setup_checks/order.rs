@@ -80,12 +80,18 @@ pub(super) fn order(pairs: &Pairs) -> Option<String> {
 /// camera's. Each then resembles one of the two frames that the time lies between, and none its own.
 fn is_between_frames(pairs: &Pairs, found: &[usize]) -> bool {
     let shift = |i: usize| found[i] as i64 - i as i64;
-    let own = |i: usize| pairs.real[i].unlike(&pairs.simulated[i]);
-    let (moved, stayed): (Vec<usize>, Vec<usize>) = (0..found.len()).partition(|i| shift(*i) != 0);
+    let moved: Vec<usize> = (0..found.len()).filter(|i| shift(*i) != 0).collect();
     let least = moved.iter().map(|i| shift(*i)).min().unwrap_or(0);
-    let usual = median(moved.iter().map(|i| own(*i)));
     moved.iter().all(|i| (least..=least + 1).contains(&shift(*i)))
-        && stayed.iter().all(|i| own(*i) > LEFT * usual)
+        && (0..found.len()).filter(|i| shift(*i) == 0).all(|i| !is_right(pairs, found, i))
+}
+
+/// Whether a frame that resembles no other time better than its own is where it should be: it is off by far less than
+/// those that are not.
+fn is_right(pairs: &Pairs, found: &[usize], i: usize) -> bool {
+    let own = |i: usize| pairs.real[i].unlike(&pairs.simulated[i]);
+    let moved = (0..found.len()).filter(|i| found[*i] != *i);
+    own(i) <= LEFT * median(moved.map(own))
 }
 
 /// Whether frames fit so many frames later (or earlier) so much better than one frame beside that, that they are late
@@ -113,6 +119,9 @@ fn shifted(late: usize, ahead: bool) -> String {
 /// Right up to a frame, and shifted by a fixed number from there on.
 fn from_a_frame_on(pairs: &Pairs, found: &[usize]) -> Option<String> {
     let first = found.iter().enumerate().position(|(i, j)| i != *j)?;
+    if !(0..first).all(|i| is_right(pairs, found, i)) {
+        return None;
+    }
     let shift = found[first] as i64 - first as i64;
     // At the end the frames that would be needed are not there.
     let rest = (first..found.len()).filter(|i| (*i as i64 + shift) < found.len() as i64);
