@@ -22,6 +22,8 @@ use shutterbug::plane::Plane;
 
 /// Means over blocks that poses are solved at, px, one after another.
 pub(crate) const BLOCKS: [usize; 4] = [4, 4, 2, 2];
+/// The same ahead of these where a pose is as described, and may be off by some px: edges have to meet.
+const FIRST_BLOCKS: [usize; 2] = [16, 8];
 /// Cells of factors over the width of a picture, as a rule.
 const CELLS: f64 = 40.0;
 /// A step of less than this is the last, units (a few hundredths of a px).
@@ -98,16 +100,30 @@ impl Forward {
         (half, usual): (bool, Option<Usual>),
     ) -> Result<Vec<[f64; 6]>> {
         let mut theta = theta.clone();
-        let mut open: Vec<usize> = places.to_vec();
+        let begin: Vec<usize> =
+            places.iter().copied().filter(|&at| theta.room.poses[at] == [0.0; 6]).collect();
+        self.step_by_step(begin, &mut theta, &FIRST_BLOCKS, (half, usual))?;
+        self.step_by_step(places.to_vec(), &mut theta, blocks, (half, usual))?;
+        Ok(places.iter().map(|&at| theta.room.poses[at]).collect())
+    }
+
+    /// Moves the poses of some frames, each until a step is small or there are no more of the blocks.
+    fn step_by_step(
+        &mut self,
+        mut open: Vec<usize>,
+        theta: &mut Theta,
+        blocks: &[usize],
+        (half, usual): (bool, Option<Usual>),
+    ) -> Result<()> {
         for &block in blocks {
             if open.is_empty() {
                 break;
             }
-            let radiance = self.lit(&open, &theta, Quality::Fit)?;
+            let radiance = self.lit(&open, theta, Quality::Fit)?;
             let shared = &*self;
             let steps: Vec<Option<[f64; 6]>> = (0..open.len())
                 .into_par_iter()
-                .map(|i| shared.pose_step(open[i], &radiance[i], &theta, block, (half, usual)))
+                .map(|i| shared.pose_step(open[i], &radiance[i], theta, block, (half, usual)))
                 .collect();
             let mut rest = Vec::new();
             for (&at, step) in open.iter().zip(steps) {
@@ -119,7 +135,7 @@ impl Forward {
             }
             open = rest;
         }
-        Ok(places.iter().map(|&at| theta.room.poses[at]).collect())
+        Ok(())
     }
 
     /// A Gauss-Newton step of the pose of one frame, units.
