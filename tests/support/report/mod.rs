@@ -259,7 +259,12 @@ pub fn sample(folder: &Path, frame_count: usize, hostile: &str) -> Report {
             white_factor: 1.5,
             objects: vec![write(folder, "undescribed_object/object.png", &mean)],
             poses: (0..frame_count)
-                .map(|i| PoseOff { time_s: 0.04 * i as f64, rotation_rad: 1e-3, position_m: 2e-3 })
+                .map(|i| PoseOff {
+                    time_s: 0.04 * i as f64,
+                    rotation_rad: 1e-3,
+                    position_m: 2e-3,
+                    late_s: Some(-4e-3),
+                })
                 .collect(),
         },
         input: Input {

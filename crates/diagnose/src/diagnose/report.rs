@@ -84,6 +84,9 @@ pub struct PoseOff {
     pub rotation_rad: f64,
     /// Distance, m.
     pub position_m: f64,
+    /// Where time stamps that are off would do the same: how long after its stamp the frame was taken, s.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub late_s: Option<f64>,
 }
 
 /// The outcome.

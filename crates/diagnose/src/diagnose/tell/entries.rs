@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use super::stamps::Late;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::model::{P, Theta};
@@ -26,6 +27,8 @@ pub(crate) struct Parts {
     pub trajectory: Option<Arc<Trajectory>>,
     /// How far each pose is off.
     pub poses: Vec<PoseOff>,
+    /// How late frames would be if their times and not their poses were off.
+    pub late: Option<Late>,
     /// Frames (index) with what of them is compared: 0 where something is that the scene does not have.
     pub objects: Vec<(usize, Plane<f32>)>,
 }
@@ -155,12 +158,15 @@ impl Search<'_> {
             [P::RotX, P::RotY, P::RotZ].into_iter().for_each(|p| plain.set(p, 0.0));
             parts.trajectory = Some(self.forward.path(&plain));
             let length = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let off = |(pose, time_s): (&[f64; 6], &f64)| PoseOff {
-                time_s: *time_s,
+            parts.late = Late::of(self.forward, &theta);
+            let late = parts.late.as_ref().map(|l| &l.late_s);
+            let off = |(at, pose): (usize, &[f64; 6])| PoseOff {
+                time_s: self.forward.starts_s[at],
                 rotation_rad: length(&pose[..3]),
                 position_m: length(&pose[3..]),
+                late_s: late.map(|l| l[at]),
             };
-            parts.poses = theta.room.poses.iter().zip(&self.forward.starts_s).map(off).collect();
+            parts.poses = theta.room.poses.iter().enumerate().map(off).collect();
         }
         Ok(parts)
     }

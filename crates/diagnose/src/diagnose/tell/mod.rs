@@ -11,5 +11,6 @@ pub(super) mod run;
 mod same_together;
 pub(super) mod sentences;
 pub(super) mod setup_checks;
+mod stamps;
 pub(super) mod task;
 pub(super) mod views;

@@ -173,6 +173,7 @@ fn diagnose_given(
     (report.input.renders, report.input.render_seconds) = search.forward.renders_made();
     report.input.seconds = clock.elapsed().as_secs_f64();
     let mut description = search.description_parts(&found.fit.theta)?;
+    report.warnings.extend(description.late.iter().map(|l| l.said(|at| evidence.frames[at].index)));
     if let Some(objects) = &objects {
         description.add(objects, &evidence);
     }
