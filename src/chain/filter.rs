@@ -82,9 +82,10 @@ impl Filter {
         let luma = [luma(&singles), luma(&apart[0]), luma(&apart[1])];
         let rows = self.products(|a, b, _| of_rows(a, b));
         let row = [0, 1, 2].map(|c| over_rows(spread, &rows, &only(c)) as f32);
-        // The mean over a row has no columns, and is that over its colours.
-        let means = self.products(|a, b, _| of_row_means(a, b));
-        let row_seen = over_rows(spread, &means, &[1.0 / 3.0; 3]) as f32;
+        // The mean over a row has no columns, and is that over its colours. It is held against others as far away.
+        let [far, _] = beside(DISTANCES[1]);
+        let means = self.products(|a, b, _| of_row_means(a, b, &far));
+        let row_seen = (over_rows(spread, &means, &[1.0 / 3.0; 3]) / 1.5) as f32;
         Mixing { pixel: pixel.map(|v| v as f32), row, row_seen, left, luma, shared: None }
     }
 
@@ -347,10 +348,10 @@ fn of_rows(a: &Kernels, b: &Kernels) -> [[f64; 2]; APART + 1] {
     out
 }
 
-/// The same of the means of long rows.
-fn of_row_means(a: &Kernels, b: &Kernels) -> [[f64; 2]; APART + 1] {
+/// The same of the means of long rows, with these weights.
+fn of_row_means(a: &Kernels, b: &Kernels, weights: &[f64]) -> [[f64; 2]; APART + 1] {
     let mut out = [[0.0; 2]; APART + 1];
-    for ((factor, x, y), (_, column)) in pairs(a, b).zip(by_kernel(a, b, [&[1.0]; 2])) {
+    for ((factor, x, y), (_, column)) in pairs(a, b).zip(by_kernel(a, b, [weights; 2])) {
         let whole = x.iter().sum::<f64>() * y.iter().sum::<f64>();
         (0..=APART).for_each(|dy| out[dy] = out[dy].map(|o| o + 0.5 * factor * whole * column[dy]));
     }

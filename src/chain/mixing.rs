@@ -54,7 +54,8 @@ pub struct Mixing {
     pub pixel: [f32; 3],
     /// Share of the variance of the noise of rows in a pixel, by channel.
     pub row: [f32; 3],
-    /// The same in the mean of a row over its colours, about rows that are not its neighbours.
+    /// The same in the mean of a row over its colours, beside the mean of the two rows that lie the second of
+    /// [`DISTANCES`] away: neighbours share what a filter spreads.
     pub row_seen: f32,
     /// By channel: of means over blocks and lines, over what the pixels' own variance behind the step would give them.
     pub left: [Left; 3],

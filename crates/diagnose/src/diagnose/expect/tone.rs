@@ -82,7 +82,7 @@ pub(crate) fn mixed_noise(theta: &Theta) -> [f32; 3] {
     mixing(theta).pixel
 }
 
-/// Variance that the noise of rows keeps in the mean of a row over its colours, about rows that are not its neighbours.
+/// Variance that the noise of rows keeps in the mean of a row over its colours, beside rows that are not its neighbours.
 pub(crate) fn row_seen(theta: &Theta) -> f32 {
     mixing(theta).row_seen
 }

@@ -207,7 +207,8 @@ impl NoiseData {
         let steps = ahead.filter(|_| shows_steps(theta));
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
-        let rows_apart = if mixed { APART[1] } else { 1 };
+        // Rows next to each other share what a filter spreads.
+        let rows_apart = if row_seen(theta) == 1.0 { 1 } else { APART[1] };
         let kind = usize::from(apart == APART[1]);
         let sources = tone.sources().filter(|_| !luma).map(|of| {
             let factors = factors(theta, kind, &of);
