@@ -38,7 +38,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    pub(super) fn of(value: f64, deviation: f64) -> Self {
+    fn of(value: f64, deviation: f64) -> Self {
         Self { value, ci95: [value - 1.96 * deviation, value + 1.96 * deviation] }
     }
 

@@ -5,7 +5,6 @@
 use shutterbug::plane::Plane;
 
 use super::fall_off::Blocks;
-use super::flat::Measured;
 use super::frames::Encoding;
 
 /// Fall-off by colour.
@@ -34,14 +33,15 @@ impl Shading {
     pub(super) fn unlike(&self, rounding: f64) -> Option<[f64; 3]> {
         let corners = self.0.each_ref().map(|blocks| {
             let level = blocks.level();
-            let [_, _, [corner, deviation], ..] = blocks.shape(level, rounding);
-            (level > 0.0).then(|| Measured::of(corner, deviation))
+            let [_, _, corner, ..] = blocks.shape(level, rounding);
+            (level > 0.0).then_some(corner)
         });
         let [Some(r), Some(g), Some(b)] = corners else { return None };
         let all = [r, g, b];
-        let lowest_end = all.iter().map(|m| m.ci95[1]).fold(f64::INFINITY, f64::min);
-        let highest_start = all.iter().map(|m| m.ci95[0]).fold(f64::NEG_INFINITY, f64::max);
-        (highest_start > lowest_end).then(|| all.map(|m| m.value))
+        let end = |side: f64| all.map(|[value, deviation]| value + side * 1.96 * deviation);
+        let lowest_end = end(1.0).into_iter().fold(f64::INFINITY, f64::min);
+        let highest_start = end(-1.0).into_iter().fold(f64::NEG_INFINITY, f64::max);
+        (highest_start > lowest_end).then(|| all.map(|[value, _]| value))
     }
 }
 

@@ -66,8 +66,8 @@ fn gains(mixing: &Mixing, kind: usize) -> [f64; 3] {
     [0, 1, 2].map(|c| f64::from(mixing.pixel[c] * mixing.left[c].high_pass[kind]))
 }
 
-/// Whether the noise of two cameras looks alike behind the steps that mix pixels, to within how well a variance of noise
-/// is known.
+/// Whether the noise of two cameras looks alike behind the steps that mix pixels, to within how well a variance of
+/// noise is known.
 pub(crate) fn mixes_alike(a: &Theta, b: &Theta) -> bool {
     let [a, b] = [a, b].map(|t| {
         let mixing = mixing(t);
@@ -82,7 +82,8 @@ pub(crate) fn mixed_noise(theta: &Theta) -> [f32; 3] {
     mixing(theta).pixel
 }
 
-/// Variance that the noise of rows keeps in the mean of a row over its colours, beside rows that are not its neighbours.
+/// Variance that the noise of rows keeps in the mean of a row over its colours, beside rows that are not its
+/// neighbours.
 pub(crate) fn row_seen(theta: &Theta) -> f32 {
     mixing(theta).row_seen
 }

@@ -37,8 +37,8 @@ fn step(from: &Pose, to: &Pose) -> [f64; 6] {
     [r.x, r.y, r.z, t.x, t.y, t.z]
 }
 
-/// The time near `time_s` at which a path is nearest to where the pose `off` has the camera: how much later, s, and what
-/// is left, px^2.
+/// The time near `time_s` at which a path is nearest to where the pose `off` has the camera: how much later, s, and
+/// what is left, px^2.
 fn nearest(path: &Trajectory, time_s: f64, reach_s: f64, off: &[f64; 6], m: &Products) -> (f64, f64) {
     let here = path.pose_at(time_s);
     let left = |late_s: f64| {
@@ -113,8 +113,8 @@ impl Late {
         });
         format!(
             "the poses err along the path: time stamps in frames.csv that are off by {:.1} ms (rms{most}) would move \
-             the pictures in the same way, but for {:.2} of {:.2} px (median); description.poses has the times by frame. Look \
-             at the clock of the camera before the tracker",
+             the pictures in the same way, but for {:.2} of {:.2} px (median); description.poses has the times by \
+             frame. Look at the clock of the camera before the tracker",
             1e3 * rms_s,
             self.left_px,
             self.poses_px

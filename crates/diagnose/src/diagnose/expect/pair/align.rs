@@ -2,12 +2,12 @@
 //! windows, each with a brightness of its own (Lucas and Kanade 1981, with gain and offset), smooth from window to
 //! window, of pictures that are made equally sharp.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::GoOn;
+use super::field::{ACROSS, ALIKE, Field, Window};
 use super::grey::Grey;
 use super::sharpness::Blurred;
 use shutterbug::error::Result;
@@ -16,37 +16,15 @@ use shutterbug::plane::stats::median;
 
 /// Below this frames are compared as they lie, px: reading a picture between its pixels would change it by more.
 pub(super) const EXACT_PX: f64 = 0.25;
-/// Windows across a picture.
-const ACROSS: usize = 12;
 /// Width of the finer windows by which motion is estimated, px.
 const FINE_PX: usize = 10;
 /// Width of the smallest picture of a pyramid, px.
 const SMALLEST_PX: usize = 48;
 /// Rounds on each picture of a pyramid.
 const ROUNDS: usize = 6;
-/// Weight of a window's neighbours beside what it sees itself, as a part of what windows see on average.
-const SMOOTH: f64 = 0.3;
 /// Pixels that a window looks at, or a few more: in larger ones every second, third ... of a row and column tells as
 /// much as noise leaves to be told.
 const WINDOW_PX: usize = 1 << 16;
-/// A window shows the same in both frames if it correlates so well.
-const ALIKE: f64 = 0.8;
-
-/// Displacements of a grid of windows, px: where content of the first picture is in the second.
-#[derive(Clone)]
-pub(super) struct Field {
-    nx: usize,
-    ny: usize,
-    at: Vec<[f64; 2]>,
-}
-
-/// What one window sees: the normal equations of its displacement, and how alike the pictures are in it.
-#[derive(Clone, Copy, Default)]
-struct Window {
-    a: [f64; 3],
-    b: [f64; 2],
-    alike: f64,
-}
 
 /// How one frame lies on another.
 #[derive(Clone)]
@@ -59,126 +37,6 @@ pub(crate) struct Lies {
     pub left_px: Option<f64>,
     /// 1 where windows are alike and lie on each other, shape `[height, width, 1]`.
     pub alike: Arc<Plane<f32>>,
-}
-
-impl Field {
-    fn zero(w: usize, h: usize) -> Self {
-        Self::across(ACROSS, w, h)
-    }
-
-    fn across(nx: usize, w: usize, h: usize) -> Self {
-        let ny = (nx * h / w).max(3);
-        Self { nx, ny, at: vec![[0.0; 2]; nx * ny] }
-    }
-
-    /// Middle of a window in a picture of that size, px.
-    fn middle(&self, i: usize, (w, h): (usize, usize)) -> [f64; 2] {
-        let part = |k: usize, n: usize, side: usize| (k as f64 + 0.5) / n as f64 * side as f64 - 0.5;
-        [part(i % self.nx, self.nx, w), part(i / self.nx, self.ny, h)]
-    }
-
-    /// The window left of (or above) a pixel, and how far beyond its middle the pixel lies. Straight on beyond the
-    /// outer windows: displacements by a turn grow towards the border.
-    fn place(v: f64, n: usize, side: usize) -> (usize, f64) {
-        let u = (v + 0.5) / side as f64 * n as f64 - 0.5;
-        let low = (u.floor().max(0.0) as usize).min(n - 2);
-        (low, u - low as f64)
-    }
-
-    /// The displacement at a place between windows.
-    fn between(&self, (x0, fx): (usize, f64), (y0, fy): (usize, f64)) -> [f64; 2] {
-        let at = |x: usize, y: usize, k: usize| self.at[y * self.nx + x][k];
-        [0, 1].map(|k| {
-            (at(x0, y0, k) * (1.0 - fx) + at(x0 + 1, y0, k) * fx) * (1.0 - fy)
-                + (at(x0, y0 + 1, k) * (1.0 - fx) + at(x0 + 1, y0 + 1, k) * fx) * fy
-        })
-    }
-
-    /// Number of windows.
-    pub(super) fn len(&self) -> usize {
-        self.at.len()
-    }
-
-    /// Columns and rows of a window that reaches so far from its middle, over its own width and height, in a picture of
-    /// that size. Pixels at the border have no slopes.
-    pub(super) fn range(&self, i: usize, size: (usize, usize), reach: f64) -> [Range<usize>; 2] {
-        let middle = self.middle(i, size);
-        let range = |middle: f64, n: usize, side: usize| {
-            let half = side as f64 / n as f64 * reach;
-            ((middle - half).max(1.0) as usize)..((middle + half).min(side as f64 - 2.0).max(1.0) as usize)
-        };
-        [range(middle[0], self.nx, size.0), range(middle[1], self.ny, size.1)]
-    }
-
-    /// The displacement at a pixel of a picture of that size.
-    pub(super) fn read(&self, x: f64, y: f64, (w, h): (usize, usize)) -> [f64; 2] {
-        self.between(Self::place(x, self.nx, w), Self::place(y, self.ny, h))
-    }
-
-    /// The windows beside one.
-    fn around(&self, i: usize) -> Vec<usize> {
-        let (x, y) = ((i % self.nx) as isize, (i / self.nx) as isize);
-        let inside =
-            |(x, y): &(isize, isize)| *x >= 0 && *y >= 0 && *x < self.nx as isize && *y < self.ny as isize;
-        let all = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
-        all.into_iter().filter(inside).map(|(x, y)| y as usize * self.nx + x as usize).collect()
-    }
-
-    /// Values of windows with their weights, smooth from window to window. In a window at whose rim an edge ends, a
-    /// gain of fifty makes the foot of a sharp edge that of a soft one: its neighbours know better.
-    pub(super) fn smoothed(&self, own: &[(f64, f64)]) -> Vec<f64> {
-        let mean = own.iter().map(|o| o.1).sum::<f64>() / own.len() as f64;
-        let start = own.iter().map(|o| o.0 * o.1).sum::<f64>() / (mean * own.len() as f64).max(1e-9);
-        let mut out = vec![start; own.len()];
-        let beside = SMOOTH * mean.max(1e-9);
-        for _ in 0..60 {
-            for (i, (value, weight)) in own.iter().enumerate() {
-                let around = self.around(i);
-                let near = around.iter().map(|&j| out[j]).sum::<f64>() / around.len() as f64;
-                out[i] = (weight * value + beside * near) / (weight + beside);
-            }
-        }
-        out
-    }
-
-    /// Moves every window by what it and its neighbours see.
-    fn step(&mut self, windows: &[Window]) {
-        let trace = windows.iter().map(|w| 0.5 * (w.a[0] + w.a[2])).sum::<f64>() / windows.len() as f64;
-        let lambda = SMOOTH * trace.max(1e-9);
-        let old = self.at.clone();
-        // What differs from the mean of the neighbours pays; straight lines from window to window pay nothing inside.
-        for _ in 0..60 {
-            for i in 0..self.at.len() {
-                let around = self.around(i);
-                let n = around.len() as f64;
-                let mean = [0, 1].map(|k| around.iter().map(|&j| self.at[j][k]).sum::<f64>() / n);
-                let (w, l) = (&windows[i], lambda * if around.len() == 4 { 1.0 } else { 0.1 });
-                let (a, b, c) = (w.a[0] + l, w.a[1], w.a[2] + l);
-                let r = [0, 1].map(|k| {
-                    let own = if k == 0 {
-                        w.a[0] * old[i][0] + w.a[1] * old[i][1]
-                    } else {
-                        w.a[1] * old[i][0] + w.a[2] * old[i][1]
-                    };
-                    own + w.b[k] + l * mean[k]
-                });
-                let d = a * c - b * b;
-                if d > 0.0 {
-                    self.at[i] = [(c * r[0] - b * r[1]) / d, (a * r[1] - b * r[0]) / d];
-                }
-            }
-        }
-    }
-
-    fn rms(&self, windows: &[Window]) -> Option<f64> {
-        let seen: Vec<usize> = (0..windows.len()).filter(|&i| windows[i].alike > ALIKE).collect();
-        // A few windows may be alike by chance.
-        if 4 * seen.len() < windows.len() {
-            return None;
-        }
-        let square: f64 = seen.iter().map(|&i| self.at[i][0].powi(2) + self.at[i][1].powi(2)).sum();
-        Some((square / seen.len() as f64).sqrt())
-    }
 }
 
 /// What each window of two pictures says of how the second lies beside where `field` has it.
@@ -494,5 +352,63 @@ pub(super) mod tests {
             assert!(motion(&a, &b, &go_on).is_err_and(ended), "{most}");
             assert_eq!(asked.load(Ordering::SeqCst), most + 1);
         }
+    }
+
+    const SIZE: [usize; 2] = [320, 240];
+
+    /// Light of random rectangles one over another, the picture moved along its rows, px.
+    fn cards(moved: f64) -> Vec<f64> {
+        let card = |i: u32| {
+            let bits = shutterbug::chain::rng::random_bits([i, 0], 0, 21, [4, 2]);
+            bits.map(|b| f64::from(b) / f64::from(u32::MAX))
+        };
+        let cards: Vec<[f64; 4]> = (0..900).map(card).collect();
+        // Share of a pixel that lies beyond an edge.
+        let beyond = |at: f64, edge: f64| (at + 0.5 - edge).clamp(0.0, 1.0);
+        let inside = |at: f64, from: f64, side: f64| beyond(at, from) - beyond(at, from + side);
+        let light = |i: usize| {
+            let (x, y) = ((i % SIZE[0]) as f64 + moved, (i / SIZE[0]) as f64);
+            cards.iter().fold(0.3, |light, [a, b, c, d]| {
+                let part =
+                    inside(x, 340.0 * a - 20.0, 8.0 + 24.0 * d) * inside(y, 260.0 * b - 20.0, 8.0 + 20.0 * c);
+                light + part * (0.02 + 0.9 * (a * 97.0 + b * 31.0).fract() - light)
+            })
+        };
+        (0..SIZE[0] * SIZE[1]).map(light).collect()
+    }
+
+    /// Blurred along rows (1) or columns (the width) by a standard deviation, px.
+    fn blurred(light: &[f64], along: usize, sigma: f64) -> Vec<f64> {
+        let [at_of, side] = if along == 1 { [1, SIZE[0]] } else { [SIZE[0], SIZE[1]] };
+        let taps: Vec<f64> = (-8..=8).map(|k| (-0.5 * (f64::from(k) / sigma).powi(2)).exp()).collect();
+        let all: f64 = taps.iter().sum();
+        let one = |i: usize| {
+            let at = i / at_of % side;
+            let near = |k: usize| light[i - at * along + (at + k).saturating_sub(8).min(side - 1) * along];
+            taps.iter().enumerate().map(|(k, t)| t * near(k)).sum::<f64>() / all
+        };
+        (0..light.len()).map(one).collect()
+    }
+
+    fn shown(light: &[f64]) -> Plane<f32> {
+        Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
+            [255.0 * shutterbug::plane::srgb_encode(light[y * SIZE[0] + x] as f32); 3]
+        })
+    }
+
+    #[test]
+    fn a_blur_moves_nothing_and_what_moved_is_found_behind_it() {
+        let [sharp, beside] = [0.0, 0.6].map(cards);
+        for (across, down) in [(2.0, 0.1), (2.0, 2.0), (0.1, 1.5)] {
+            let found = |light: &[f64]| {
+                let soft = blurred(&blurred(light, 1, across), SIZE[0], down);
+                lies(&shown(&soft), &shown(&sharp), &|| Ok(())).expect("in time").rms_px.expect("alike")
+            };
+            let (rests, moved) = (found(&sharp), found(&beside));
+            assert!(rests < 0.1, "{across}, {down}: {rests} px");
+            assert!((moved - 0.6).abs() < 0.05, "{across}, {down}: {moved} px for 0.6");
+        }
+        let plain = lies(&shown(&sharp), &shown(&sharp), &|| Ok(())).expect("in time").rms_px;
+        assert!(plain.is_some_and(|px| px < 0.02), "control: {plain:?}");
     }
 }

@@ -7,6 +7,7 @@
 mod agree;
 mod align;
 mod beside;
+mod field;
 mod frames;
 pub(crate) mod given;
 mod grey;

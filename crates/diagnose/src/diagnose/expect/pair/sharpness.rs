@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::align::Field;
+use super::field::Field;
 use super::grey::Grey;
 use crate::diagnose::expect::linear::solve;
 
@@ -130,66 +130,4 @@ fn products(seen: &[[f64; COPIES + 2]]) -> Products {
         out.iter_mut().zip(&d).for_each(|(row, a)| row.iter_mut().zip(&d).for_each(|(o, b)| *o += a * b));
     }
     out.map(|row| row.map(|v| v / n))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::align::lies;
-    use shutterbug::plane::{Plane, srgb_encode};
-
-    const SIZE: [usize; 2] = [320, 240];
-
-    /// Light of random rectangles one over another, the picture moved along its rows, px.
-    fn cards(moved: f64) -> Vec<f64> {
-        let card = |i: u32| {
-            let bits = shutterbug::chain::rng::random_bits([i, 0], 0, 21, [4, 2]);
-            bits.map(|b| f64::from(b) / f64::from(u32::MAX))
-        };
-        let cards: Vec<[f64; 4]> = (0..900).map(card).collect();
-        // Share of a pixel that lies beyond an edge.
-        let beyond = |at: f64, edge: f64| (at + 0.5 - edge).clamp(0.0, 1.0);
-        let inside = |at: f64, from: f64, side: f64| beyond(at, from) - beyond(at, from + side);
-        let light = |i: usize| {
-            let (x, y) = ((i % SIZE[0]) as f64 + moved, (i / SIZE[0]) as f64);
-            cards.iter().fold(0.3, |light, [a, b, c, d]| {
-                let part =
-                    inside(x, 340.0 * a - 20.0, 8.0 + 24.0 * d) * inside(y, 260.0 * b - 20.0, 8.0 + 20.0 * c);
-                light + part * (0.02 + 0.9 * (a * 97.0 + b * 31.0).fract() - light)
-            })
-        };
-        (0..SIZE[0] * SIZE[1]).map(light).collect()
-    }
-
-    /// Blurred along rows (1) or columns (the width) by a standard deviation, px.
-    fn blurred(light: &[f64], along: usize, sigma: f64) -> Vec<f64> {
-        let [at_of, side] = if along == 1 { [1, SIZE[0]] } else { [SIZE[0], SIZE[1]] };
-        let taps: Vec<f64> = (-8..=8).map(|k| (-0.5 * (f64::from(k) / sigma).powi(2)).exp()).collect();
-        let all: f64 = taps.iter().sum();
-        let one = |i: usize| {
-            let at = i / at_of % side;
-            let near = |k: usize| light[i - at * along + (at + k).saturating_sub(8).min(side - 1) * along];
-            taps.iter().enumerate().map(|(k, t)| t * near(k)).sum::<f64>() / all
-        };
-        (0..light.len()).map(one).collect()
-    }
-
-    fn picture(light: &[f64]) -> Plane<f32> {
-        Plane::from_fn(SIZE[0], SIZE[1], |x, y| [255.0 * srgb_encode(light[y * SIZE[0] + x] as f32); 3])
-    }
-
-    #[test]
-    fn a_blur_moves_nothing_and_what_moved_is_found_behind_it() {
-        let [sharp, beside] = [0.0, 0.6].map(cards);
-        for (across, down) in [(2.0, 0.1), (2.0, 2.0), (0.1, 1.5)] {
-            let found = |light: &[f64]| {
-                let soft = blurred(&blurred(light, 1, across), SIZE[0], down);
-                lies(&picture(&soft), &picture(&sharp), &|| Ok(())).expect("in time").rms_px.expect("alike")
-            };
-            let (rests, moved) = (found(&sharp), found(&beside));
-            assert!(rests < 0.1, "{across}, {down}: {rests} px");
-            assert!((moved - 0.6).abs() < 0.05, "{across}, {down}: {moved} px for 0.6");
-        }
-        let plain = lies(&picture(&sharp), &picture(&sharp), &|| Ok(())).expect("in time").rms_px;
-        assert!(plain.is_some_and(|px| px < 0.02), "control: {plain:?}");
-    }
 }

@@ -207,8 +207,6 @@ impl NoiseData {
         let steps = ahead.filter(|_| shows_steps(theta));
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
-        // Rows next to each other share what a filter spreads.
-        let rows_apart = if row_seen(theta) == 1.0 { 1 } else { APART[1] };
         let kind = usize::from(apart == APART[1]);
         let sources = tone.sources().filter(|_| !luma).map(|of| {
             let factors = factors(theta, kind, &of);
@@ -230,7 +228,7 @@ impl NoiseData {
         let mut values = Values::default();
         rows.into_iter().for_each(|row| values.append(row));
         for f in 0..frames.len() {
-            values.add_rows([w, h], rows_apart, |i| compared.seen_at(f, i, true).map(|e| e[0]));
+            values.add_rows([w, h], rows_apart(theta), |i| compared.seen_at(f, i, true).map(|e| e[0]));
         }
         let mut data = values.reduce(&tone, theta, kind, mixing);
         let files = ahead.filter(|_| shows_coefficients(theta));
@@ -242,6 +240,11 @@ impl NoiseData {
         }
         data
     }
+}
+
+/// How far rows lie apart that are held against each other: next to each other they share what a filter spreads.
+fn rows_apart(theta: &Theta) -> usize {
+    if row_seen(theta) == 1.0 { 1 } else { APART[1] }
 }
 
 /// What is measured, before it is reduced.
