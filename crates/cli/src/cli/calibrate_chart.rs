@@ -230,8 +230,8 @@ fn flat_text(
         let [r, g, b] = corners.map(|c| 100.0 * c);
         let _ = writeln!(
             text,
-            "  WARNING: colours fall off by themselves (colour shading): corners get {r:.1} % of red, {g:.1} % of \
-             green, {b:.1} % of blue. [vignetting] of camera.toml is their mean, the same for all"
+            "  colours fall off by themselves (colour shading): corners get {r:.1} % of red, {g:.1} % of green, \
+             {b:.1} % of blue. [vignetting] of camera.toml is green's, for all three"
         );
     }
     let _ = writeln!(
