@@ -100,6 +100,11 @@ impl Blocks {
         }
     }
 
+    /// Leaves out the blocks that others of the same pictures leave out.
+    pub(super) fn leave_out_as(&mut self, other: &Self) {
+        self.white.clone_from(&other.white);
+    }
+
     /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have
     /// one. `levels`: the sum of the pictures' levels. `rounding`: the most that each block may be off by, of
     /// the level.

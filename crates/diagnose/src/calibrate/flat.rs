@@ -181,7 +181,7 @@ impl FlatSums {
         self.blocks.add(&light);
         self.lines.add(&light, level);
         self.corners.add(&light);
-        self.shading.add(encoded, self.encoding, self.black, 1.0 - 0.5 * step);
+        self.shading.add(encoded, self.encoding, self.black);
         let even = without_fall_off(&light, &self.blocks);
         let mut own = beside_mean(&even);
         own.data.iter_mut().zip(&ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = 0.0);
@@ -305,7 +305,7 @@ impl FlatSums {
             a1: Measured::of(a1[0], a1[1]),
             a2: Measured::of(a2[0], a2[1]),
             corner: corner[0],
-            corner_by_colour: self.shading.unlike(rounding),
+            corner_by_colour: self.shading.unlike(&self.blocks, rounding),
             tilt: tilt[0],
             uneven: uneven[0],
             prnu,

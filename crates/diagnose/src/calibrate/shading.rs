@@ -16,22 +16,23 @@ impl Shading {
         Self(std::array::from_fn(|_| Blocks::new(width, height)))
     }
 
-    /// Adds a picture of three colours: encoded values, the mean linear value of no light, and white.
-    pub(super) fn add(&mut self, encoded: &Plane<f32>, encoding: Encoding, black: f64, white: f32) {
+    /// Adds a picture of three colours: encoded values, and the mean linear value of no light.
+    pub(super) fn add(&mut self, encoded: &Plane<f32>, encoding: Encoding, black: f64) {
         if encoded.channels != 3 {
             return;
         }
         for (c, blocks) in self.0.iter_mut().enumerate() {
             let light = |p: &[f32]| encoding.decode(p[c]) - black as f32;
             let data = encoded.data.chunks_exact(3).map(light).collect();
-            blocks.leave_out_white(encoded, white);
             blocks.add(&Plane { data, channels: 1, ..*encoded });
         }
     }
 
     /// What the corners get of the middle in red, green and blue, where they differ by more than what is known of each.
-    pub(super) fn unlike(&self, rounding: f64) -> Option<[f64; 3]> {
-        let corners = self.0.each_ref().map(|blocks| {
+    /// `whole`: the same pictures' blocks, which know what is white.
+    pub(super) fn unlike(mut self, whole: &Blocks, rounding: f64) -> Option<[f64; 3]> {
+        let corners = self.0.each_mut().map(|blocks| {
+            blocks.leave_out_as(whole);
             let level = blocks.level();
             let [_, _, corner, ..] = blocks.shape(level, rounding);
             (level > 0.0).then_some(corner)
@@ -62,9 +63,9 @@ mod tests {
                     let noise = random_normal([x as u32, y as u32], frame, 3, [7, 1]);
                     [0, 1, 2].map(|c| tint[c] * (1.0 - falls[c] * q) + 0.01 * noise[c])
                 });
-                shading.add(&picture, Encoding::Linear, 0.0, 1.0);
+                shading.add(&picture, Encoding::Linear, 0.0);
             }
-            shading.unlike(0.0)
+            shading.unlike(&Blocks::new(w, h), 0.0)
         };
         let [r, g, b] = seen([0.44, 0.40, 0.38], [0.4, 0.5, 0.3]).expect("they differ");
         assert!((r - 0.56).abs() < 5e-3 && (g - 0.60).abs() < 5e-3 && (b - 0.62).abs() < 5e-3, "{r} {g} {b}");

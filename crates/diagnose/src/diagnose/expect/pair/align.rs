@@ -7,7 +7,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::GoOn;
-use super::field::{ACROSS, ALIKE, Field, Window};
+use super::field::{ACROSS, ALIKE, Field, Window, covariances};
 use super::grey::Grey;
 use super::sharpness::Blurred;
 use shutterbug::error::Result;
@@ -86,17 +86,10 @@ struct Content {
 
 impl Content {
     fn of(seen: &[[f64; 4]]) -> Self {
-        let n = seen.len() as f64;
-        if n < 12.0 {
+        if seen.len() < 12 {
             return Self::default();
         }
-        let mean: [f64; 4] = std::array::from_fn(|k| seen.iter().map(|s| s[k]).sum::<f64>() / n);
-        let mut c = [[0.0; 4]; 4];
-        for s in seen {
-            let d: [f64; 4] = std::array::from_fn(|k| s[k] - mean[k]);
-            (0..4).for_each(|i| (0..4).for_each(|j| c[i][j] += d[i] * d[j]));
-        }
-        let c = c.map(|row| row.map(|v| v / n));
+        let (n, c) = (seen.len() as f64, covariances(seen));
         Self { n, c, alike: c[0][1] / (c[0][0] * c[1][1]).sqrt().max(1e-9) }
     }
 
@@ -174,8 +167,9 @@ fn displacements(real: &Grey, sim: &Grey, go_on: GoOn<'_>) -> Result<(Field, Vec
     let mut field = Field::zero(a.w, a.h);
     let whole = whole_shift(a, b);
     field.at.fill(whole);
+    let mut finest = None;
     for (k, (a, b)) in levels.iter().enumerate().rev() {
-        let blurred = Blurred::of(b);
+        let blurred = finest.insert(Blurred::of(b));
         for _ in 0..ROUNDS {
             go_on()?;
             let seen = windows(a, &blurred.as_sharp_as(a, &field), &field);
@@ -185,8 +179,8 @@ fn displacements(real: &Grey, sim: &Grey, go_on: GoOn<'_>) -> Result<(Field, Vec
             field.at.iter_mut().for_each(|d| *d = d.map(|v| 2.0 * v));
         }
     }
-    let (a, b) = &levels[0];
-    let seen = windows(a, &Blurred::of(b).as_sharp_as(a, &field), &field);
+    let (a, finest) = (&levels[0].0, finest.expect("there is a level"));
+    let seen = windows(a, &finest.as_sharp_as(a, &field), &field);
     let alone = |w: &Window| {
         let d = w.a[0] * w.a[2] - w.a[1] * w.a[1];
         if d > 1e-9 {

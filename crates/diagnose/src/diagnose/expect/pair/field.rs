@@ -144,3 +144,15 @@ impl Field {
         Some((square / seen.len() as f64).sqrt())
     }
 }
+
+/// Covariances of what is seen at some places, several values each.
+pub(super) fn covariances<const N: usize>(seen: &[[f64; N]]) -> [[f64; N]; N] {
+    let n = seen.len() as f64;
+    let mean: [f64; N] = std::array::from_fn(|k| seen.iter().map(|s| s[k]).sum::<f64>() / n);
+    let mut c = [[0.0; N]; N];
+    for s in seen {
+        let d: [f64; N] = std::array::from_fn(|k| s[k] - mean[k]);
+        (0..N).for_each(|i| (0..N).for_each(|j| c[i][j] += d[i] * d[j]));
+    }
+    c.map(|row| row.map(|v| v / n))
+}

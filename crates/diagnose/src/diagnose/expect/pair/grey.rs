@@ -11,6 +11,11 @@ pub(super) struct Grey {
     pub data: Vec<f32>,
 }
 
+/// A value blurred with its neighbours on two sides.
+fn of_five(v: [f32; 5]) -> f32 {
+    0.375 * v[2] + 0.25 * (v[1] + v[3]) + 0.0625 * (v[0] + v[4])
+}
+
 impl Grey {
     /// Linear light of a picture, 255 where it is white: a blur is the same on both sides of an edge in light, and not
     /// in values. DN, shape `[height, width, 3]`.
@@ -36,7 +41,6 @@ impl Grey {
     /// Blurred by one pixel, so that pictures of unlike sharpness have slopes alike.
     pub fn soft(&self) -> Self {
         let (w, h) = (self.w, self.h);
-        let of_five = |v: [f32; 5]| 0.375 * v[2] + 0.25 * (v[1] + v[3]) + 0.0625 * (v[0] + v[4]);
         // Beyond the picture it goes on as at its border.
         let near = |at: usize, side: usize| [0, 1, 2, 3, 4].map(|k| (at + k).saturating_sub(2).min(side - 1));
         let mut across = vec![0.0; w * h];
@@ -72,7 +76,7 @@ impl Grey {
                     let to = (at + k * every).saturating_sub(2 * every).min(side - 1);
                     self.data[from + to * step]
                 };
-                *out = 0.375 * near(2) + 0.25 * (near(1) + near(3)) + 0.0625 * (near(0) + near(4));
+                *out = of_five([0, 1, 2, 3, 4].map(near));
             }
         });
         Self { data, ..*self }

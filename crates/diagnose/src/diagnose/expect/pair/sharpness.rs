@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::field::Field;
+use super::field::{Field, covariances};
 use super::grey::Grey;
 use crate::diagnose::expect::linear::solve;
 
@@ -22,7 +22,7 @@ pub(super) struct Blurred<'a> {
     changes: [Grey; COPIES],
 }
 
-/// Sums of products in a window of the other picture, this one and the changes, without their means; over the pixels.
+/// Covariances in a window of the other picture, this one and the changes.
 type Products = [[f64; COPIES + 2]; COPIES + 2];
 
 /// Variances in a window of the other picture and of this one as it is mixed, and their covariance.
@@ -117,17 +117,6 @@ impl<'a> Blurred<'a> {
                 })
             }));
         }
-        if seen.len() < 12 { [[0.0; COPIES + 2]; COPIES + 2] } else { products(&seen) }
+        if seen.len() < 12 { [[0.0; COPIES + 2]; COPIES + 2] } else { covariances(&seen) }
     }
-}
-
-fn products(seen: &[[f64; COPIES + 2]]) -> Products {
-    let n = seen.len() as f64;
-    let mean: [f64; COPIES + 2] = std::array::from_fn(|k| seen.iter().map(|s| s[k]).sum::<f64>() / n);
-    let mut out = [[0.0; COPIES + 2]; COPIES + 2];
-    for s in seen {
-        let d: [f64; COPIES + 2] = std::array::from_fn(|k| s[k] - mean[k]);
-        out.iter_mut().zip(&d).for_each(|(row, a)| row.iter_mut().zip(&d).for_each(|(o, b)| *o += a * b));
-    }
-    out.map(|row| row.map(|v| v / n))
 }
